@@ -1,1 +1,1 @@
-"""The analogy and control models, their figures, beside the thesis."""
+"""Analogy and control models, their figures, compared with the thesis."""

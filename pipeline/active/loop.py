@@ -1,4 +1,4 @@
-"""The mode that the loop is studied for: a table's, a case's, or one identified from a measured sweep."""
+"""Mode of the control loop under study: from a mode table, from a case, or identified from a measured sweep."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from solvers.thesis.loop_design import DqData
 if TYPE_CHECKING:
     from solvers.control.identification import Sensor
 
-TARGET_GAIN, OTHER_GAIN = 0.8, 0.04  # sensor over drive, full scales: where nothing was identified
+TARGET_GAIN, OTHER_GAIN = 0.8, 0.04  # sensor over drive, full scales: assumed for unidentified modes
 
 
 def read_table(path: str) -> ModeTable:
@@ -39,21 +39,21 @@ def of_case(case: Case, log: Log) -> ModePlant:
 
     zone = predesign(case.design).zone
     if zone is None:
-        raise InputError(f"{case.name}: [plate], [zone]: too little is given to size the zone")
+        raise InputError(f"{case.name}: [plate], [zone]: too few values to size the zone")
     log.info(
-        f"mode by predesign, {frequency(zone.frequency_hz)}; gain {TARGET_GAIN} assumed; --table takes computed modes"
+        f"mode: {frequency(zone.frequency_hz)} (predesign), gain {TARGET_GAIN} (assumed); use --table for computed modes"
     )
     return ModePlant.from_quality_factor(zone.frequency_hz, case.quality_factor, TARGET_GAIN)
 
 
 def of_table(data: DqData, table: ModeTable, log: Log) -> DqData:
     if not table.modes:
-        raise InputError("--table: it holds shapes only, no mode")
+        raise InputError("--table: must contain a mode, this table has shapes only")
     sensor: Sensor = "displacement" if table.senses_displacement else "velocity"
     mode = table.modes[table.target]
     unknown = sum(one.gain is None for one in table.modes)
     if unknown:
-        log.info(f"{unknown} gains of the table are not identified: {TARGET_GAIN} and {OTHER_GAIN} are assumed")
+        log.info(f"unidentified gains of the table: {unknown}, set to {TARGET_GAIN} and {OTHER_GAIN} (assumed)")
     plants = [plant_of(one, i == table.target, sensor) for i, one in enumerate(table.modes)]
     late = mode.delay_s - 0.5 / table.sample_rate_hz
     known = late > 0.0
@@ -77,13 +77,13 @@ def plant_of(mode: mode_table.Mode, target: bool, sensor: Sensor) -> ModePlant:
 
 
 def velocity_of(plant: ModePlant, sensor: Sensor) -> ModePlant:
-    """The gain that a velocity sensor of the same size would show, real."""
+    """Convert the gain to that of a velocity sensor of the same magnitude, which is real."""
     turned = 1j * plant.gain if sensor == "displacement" else plant.gain
     return replace(plant, gain=float(np.copysign(abs(turned), complex(turned).real)))
 
 
 def write_table(table: ModeTable, identified: Identified, folder: Path | None, log: Log) -> None:
-    """Write the table with its target mode as measured into a folder, as binary and as header of the same bytes."""
+    """Write the table with its measured target mode into a folder, as binary and as a header with the same bytes."""
     plant = identified.plant
     mode = replace(
         table.modes[table.target],
@@ -100,8 +100,8 @@ def write_table(table: ModeTable, identified: Identified, folder: Path | None, l
         data = mode_table.to_bytes(made)
         files = {"mode_table.bin": data, "mode_table.h": mode_table.header_text(data).encode()}
     except TableError as error:
-        raise InputError(f"--sweep: what it shows does not fit a mode table: {error}") from error
-    log.info("mode_table.bin and mode_table.h carry the measured mode (written with --out)")
+        raise InputError(f"--sweep: the measured mode does not fit into a mode table: {error}") from error
+    log.info("mode_table.bin and mode_table.h contain the measured mode (written with --out)")
     if folder:
         for name, data in files.items():
             write_file(folder / name, data)

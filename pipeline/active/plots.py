@@ -1,4 +1,4 @@
-"""Pictures of the models of `active`: circuit, one pillar, active pillars, one mode's loop, and shaping."""
+"""Pictures of the `active` models: circuit, one pillar, active pillars, control loop of one mode, and shaping."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ POINTS = {
     "printed force": "force of (3.19)",
 }
 LAYOUTS = {
-    "point": "one force a side",
-    "pair": "two equal forces a side",
-    "couple": "couple a side, relative velocity",
+    "point": "one force per side",
+    "pair": "two equal forces per side",
+    "couple": "one couple per side, relative velocity",
     "opposed": "opposed forces, own velocities",
 }
 
@@ -54,8 +54,8 @@ def mason(study: MasonStudy) -> ReportFigure:
     style.legend_below(figure, *bare.get_legend_handles_labels())
     alt = (
         f"Joint velocities over frequency of three clamped cells and of five free ones without and with filters, and the "
-        f"filter's impedance. With filters a mode at {frequency(study.data.target_hz)} stays between them: inner joints lie "
-        f"{level(study.confinement_db['filtered'])} above outer ones, against {level(study.confinement_db['bare'])} without."
+        f"filter's impedance. Filters confine a mode at {frequency(study.data.target_hz)} between them: inner joints lie "
+        f"{level(study.confinement_db['filtered'])} above outer ones; without filters, {level(study.confinement_db['bare'])}."
     )
     return ReportFigure("mason", "A band-reject filter confines a mode", alt, figure, vector=True)
 
@@ -72,14 +72,15 @@ def _point_force(point: PointForce) -> ReportFigure:
     curves = {labels[name]: np.abs(point.of(name).deflection) for name in POINTS}
     style.draw_lines(axes.plot, point.x_over_wavelength, curves)
     style.mark(axes, 0.0)
-    title = "A unit wave from the left at one point"
+    title = "Unit wave from the left at a point scatterer"
     axes.set(xlabel="x / wavelength", ylabel="|w| / incident", title=title, ylim=(0, 3.4))
     axes.legend(fontsize=7, loc="upper left", ncols=2)
     alt = (
-        f"Amplitude along a beam met by one point: a spring 4 EI beta^3 passes {percentage(transmitted['spring'])} of the "
-        f"power, a pinned point {percentage(transmitted['pinned'])}, the damper {percentage(transmitted['printed damper'])}."
+        f"Amplitude along a beam with a point scatterer: a spring 4 EI beta^3 transmits {percentage(transmitted['spring'])} of "
+        f"the power, a pinned point {percentage(transmitted['pinned'])}, the damper "
+        f"{percentage(transmitted['printed damper'])}."
     )
-    return ReportFigure("point_force", "One point on an endless beam", alt, figure, vector=True)
+    return ReportFigure("point_force", "Point scatterer on an infinite beam", alt, figure, vector=True)
 
 
 def _rows(row: PillarFilter, cell: dict[str, Any] | None) -> ReportFigure:
@@ -91,15 +92,15 @@ def _rows(row: PillarFilter, cell: dict[str, Any] | None) -> ReportFigure:
     power.set(ylabel="transmitted power / incident", title=title, ylim=(1e-6, 2.0))
     clamped, stopped, oscillator = (tone / KHZ for tone in (row.clamped_hz, row.stopped_hz, row.oscillator_stopped_hz))
     marks = (
-        (clamped, "--", "pillar clamped"),
-        (stopped, "-", "its moment alone stops"),
-        (oscillator, ":", "oscillator stops"),
+        (clamped, "--", "clamped pillar"),
+        (stopped, "-", "stopped by the pillar's moment"),
+        (oscillator, ":", "stopped by an oscillator"),
     )
     for tone, dashes, name in marks:
         power.axvline(tone, color=style.GREY, lw=0.9, ls=dashes, label=name)
         decay.axvline(tone, color=style.GREY, lw=0.9, ls=dashes)
     power.legend(fontsize=7, ncols=2)
-    decay.plot(f, row.decay_db, color=style.BLUE, label="endless row on a strip")
+    decay.plot(f, row.decay_db, color=style.BLUE, label="infinite array on a strip")
     if cell:
         levels, tones = np.array(cell["db_per_row"], dtype=float), np.array(cell["frequencies_hz"]) / KHZ
         decay.plot(tones, levels, "o", ms=3, color=style.VERMILION, label="computed plate cell")
@@ -114,7 +115,7 @@ def _rows(row: PillarFilter, cell: dict[str, Any] | None) -> ReportFigure:
 
 
 def beam(study: ActiveBeamStudy) -> list[ReportFigure]:
-    """Figures 3.5 to 3.8, then what gain and place do."""
+    """Figures 3.5 to 3.8, then the influence of gain and place."""
     return [_shapes(study), _sensitivity(study)]
 
 
@@ -125,7 +126,7 @@ def _shapes(study: ActiveBeamStudy) -> ReportFigure:
     shown = {
         "3.5 Equal forces": _by_layout(study, ("point", "pair"), first),
         "3.6 Opposed forces": _by_layout(study, ("couple", "opposed"), first),
-        "3.7 Two gains, one force a side": {f"K' = {case.gain_n_m:g} N/m": case for case in gains},
+        "3.7 Two gains, one force per side": {f"K' = {case.gain_n_m:g} N/m": case for case in gains},
         "3.8 Higher frequency": _by_layout(study, ("point", "pair", "couple"), last),
     }
     figure, panels = style.panels(5.6, 2, 2)
@@ -143,8 +144,8 @@ def _shapes(study: ActiveBeamStudy) -> ReportFigure:
     verdict = study.case("point", first, strong)
     alt = (
         f"Amplitude along a free-free strip under {data.force_n:g} N in its middle without and with velocity feedback at the "
-        f"marked places; rms inside over beyond is {figure_text(verdict.after.ratio)} with one force a side, "
-        f"{figure_text(verdict.before.ratio)} open."
+        f"marked places; rms inside over outside is {figure_text(verdict.after.ratio)} with one force per side, "
+        f"{figure_text(verdict.before.ratio)} with open loops."
     )
     return ReportFigure("active_beam", "Active pillars on a free-free strip", alt, figure, vector=True)
 
@@ -165,7 +166,7 @@ def _sensitivity(study: ActiveBeamStudy) -> ReportFigure:
     style.draw_lines(gain.loglog, study.sweep_gains_n_m, by_layout)
     stiffness = data.beam.point_stiffness_n_m(2.0 * np.pi * data.frequencies_hz[0])
     gain.axvline(stiffness, color=style.GREY, lw=0.8, ls=":", label="4EIβ³")
-    gain.set(xlabel="gain K' (N/m)", ylabel="rms inside / beyond", title=f"Gain, {data.frequencies_hz[0] / KHZ:g} kHz")
+    gain.set(xlabel="gain K' (N/m)", ylabel="rms inside / outside", title=f"Gain, {data.frequencies_hz[0] / KHZ:g} kHz")
     gain.set_ylim(top=4.0 * gain.get_ylim()[1])
     gain.legend(fontsize=6.5, loc="upper left")
     for i, (name, ratios) in enumerate(study.place_sweep.items()):
@@ -181,7 +182,7 @@ def _sensitivity(study: ActiveBeamStudy) -> ReportFigure:
         f"{name} {figure_text(places_mm[values.argmax()])} mm" for name, values in study.place_sweep.items()
     )
     alt = f"Confinement by active pillars over gain and over their place; best places: {best}."
-    return ReportFigure("active_beam_sensitivity", "What gain and place do", alt, figure, vector=True)
+    return ReportFigure("active_beam_sensitivity", "Influence of gain and place", alt, figure, vector=True)
 
 
 def loop_figures(study: DqStudy) -> list[ReportFigure]:
@@ -190,7 +191,7 @@ def loop_figures(study: DqStudy) -> list[ReportFigure]:
 
 
 def step(study: DqStudy) -> ReportFigure:
-    """Figure 2.21 computed, detuned too, and a saturated step for each anti-windup."""
+    """Figure 2.21 computed, also detuned, and a saturated step for each anti-windup."""
     figure, (small, large) = style.panels(5.2, 2, 1, sharex=True)
     for one, colour in zip(study.steps, style.CYCLE, strict=False):
         time, seen = one.trace.time_s / MS, one.trace.measured / one.reference
@@ -203,8 +204,8 @@ def step(study: DqStudy) -> ReportFigure:
     for one, look in zip(study.windups, style.LOOKS, strict=False):
         large.plot(one.trace.time_s / MS, np.abs(one.trace.measured) / one.reference, label=one.name, **look)
     share = study.windups[0].reference / (abs(study.identified.plant.gain) * study.data.drive_limit)
-    title = f"Step to {figure_text(share)} of the amplitude at full drive: the drive meets its limit"
-    large.set(title=title, xlabel="time since the reference changed (ms)")
+    title = f"Step to {figure_text(share)} of the amplitude at full drive: the drive saturates"
+    large.set(title=title, xlabel="time after the change of the reference (ms)")
     for axes in (small, large):
         axes.set(ylabel="U / reference", xlim=(0, 10))
         axes.legend(fontsize=7)
@@ -217,7 +218,7 @@ def step(study: DqStudy) -> ReportFigure:
 
 
 def circle(study: DqStudy) -> ReportFigure:
-    """The sweep in the plane of U with its delay taken out, and the phase about the circle's centre."""
+    """Sweep in the plane of U without its delay, and the phase about the centre of the circle."""
     figure, (plane, phase) = style.panels(3.4, 1, 2, width_ratios=[1.0, 1.3])
     identified, f = study.identified, study.sweep.frequencies_hz
     plant, fit = identified.plant, identified.circle
@@ -263,14 +264,14 @@ def bode(study: DqStudy) -> ReportFigure:
         size.semilogx(w / (2 * np.pi), 20 * np.log10(np.abs(values)), dashes, color=colour, label=name)
         phase.semilogx(w / (2 * np.pi), np.unwrap(np.angle(values)) / DEGREE, dashes, color=colour)
     size.axhline(0, color=style.GREY, lw=0.7, ls=":")
-    size.set(ylabel="magnitude (dB)", ylim=(-40, 60), title="Loop of the amplitude at resonance")
+    size.set(ylabel="magnitude (dB)", ylim=(-40, 60), title="Amplitude loop at resonance")
     size.legend(fontsize=7)
     phase.set(ylabel="phase (degrees)", xlabel="frequency of the amplitude (Hz)")
     alt = (
-        f"Bode diagram of the amplitude's loop: gain margin {figure_text(study.margins.gain)}, the carrier's phase may be "
-        f"off by {figure_text(study.margins.phase_deg)} degrees."
+        f"Bode diagram of the amplitude loop: gain margin {figure_text(study.margins.gain)}, tolerated phase error of the "
+        f"carrier {figure_text(study.margins.phase_deg)} degrees."
     )
-    return ReportFigure("dq_bode", "Bode diagram of the amplitude's loop", alt, figure, vector=True)
+    return ReportFigure("dq_bode", "Bode diagram of the amplitude loop", alt, figure, vector=True)
 
 
 def shaping_figures(study: ShapingStudy) -> list[ReportFigure]:
@@ -292,7 +293,7 @@ def conditioning(study: ShapingStudy) -> ReportFigure:
     number.set(ylabel="condition number of T", xlabel="frequency (kHz)")
     style.legend_below(figure, *index.get_legend_handles_labels())
     alt = "Coupling index and condition number of the matrix from actuators to sensors over frequency, beam by beam."
-    return ReportFigure("shaping_conditioning", "How well T can be inverted", alt, figure, vector=True)
+    return ReportFigure("shaping_conditioning", "Conditioning of T", alt, figure, vector=True)
 
 
 def patterns(study: ShapingStudy) -> ReportFigure:
@@ -320,11 +321,11 @@ def patterns(study: ShapingStudy) -> ReportFigure:
         axes.set_xlabel(f"x (mm), confined {region}")
     panels[0, -1].legend(fontsize=6.5)
     alt = f"Amplitude along each beam at {frequency / KHZ:g} kHz confined to the left, middle or right third of the sensors."
-    return ReportFigure("shaping_patterns", "Confined left, in the middle, right", alt, figure, vector=True)
+    return ReportFigure("shaping_patterns", "Confinement left, middle and right", alt, figure, vector=True)
 
 
 def travelling(study: ShapingStudy) -> ReportFigure:
-    """Travelling-wave ratio over the wavelength asked for at the sensors."""
+    """Travelling-wave ratio over the requested wavelength at the sensors."""
     tones = study.data.frequencies_hz
     figure, grid = style.panels(3.6, 1, len(tones), squeeze=False, sharey=True)
     panels = grid[0]
@@ -337,8 +338,8 @@ def travelling(study: ShapingStudy) -> ReportFigure:
             }
             axes.plot(wave.wavelengths_m / CM, wave.twr, lw=1.0, label=f"{wave.beam}, {wave.signal}", **look)
         style.mark(axes, waves[0].free_wavelength_m / CM)
-        axes.set(title=f"{tone / KHZ:g} kHz (dotted: free wave)", xlabel="wavelength asked for (cm)")
+        axes.set(title=f"{tone / KHZ:g} kHz (dotted: free wave)", xlabel="requested wavelength (cm)")
     panels[0].set_ylabel("TWR = 1 - SWR")
     style.legend_below(figure, *panels[0].get_legend_handles_labels())
-    alt = "Travelling-wave ratio over the wavelength asked for at the sensors, beam by beam and frequency by frequency."
+    alt = "Travelling-wave ratio over the requested wavelength at the sensors, beam by beam and frequency by frequency."
     return ReportFigure("shaping_travelling", "Travelling waves", alt, figure, vector=True)

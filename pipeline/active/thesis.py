@@ -1,4 +1,4 @@
-"""The thesis' statements on the models of `active` beside ours: texts and ranges are data, one function judges them."""
+"""Comparison of the `active` models with the thesis: its statements and their ranges are data, checked by one function."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 
 
 FILE = REFERENCE / "thesis-models.toml"
-NEAR = 0.15  # relative: a figure read from the text has one or two digits
+NEAR = 0.15  # relative tolerance: a figure read from the text has one or two digits
 
 Figures = dict[str, Any]
 Range = tuple[float, float]
 
 
 class FiguresInWords(Formatter):
-    """Format texts with the digits that people read: '' and '+' of a spec count, 'g' is for what was given."""
+    """Format computed figures with the digits that people read for the specs '' and '+', and given values with 'g'."""
 
     def format_field(self, value: Any, format_spec: str) -> str:
-        """Format a floating-point number as a figure without a bar, with its sign for '+'; anything else as it is."""
+        """Format a floating-point number as a figure without an error bar, for '+' with its sign; leave anything else."""
         if not isinstance(value, float) or format_spec not in ("", "+"):
             return str(super().format_field(value, format_spec))
         return signed(figure(value)) if format_spec else figure(value)
@@ -50,13 +50,13 @@ IN_WORDS = FiguresInWords()
 
 @cache
 def statements() -> dict[str, dict[str, Any]]:
-    """What the thesis states of each model, by the statement's key."""
+    """Statements of the thesis on each model, by key."""
     with FILE.open("rb") as file:
         return tomllib.load(file)
 
 
 def beside(model: str, computed: Iterable[tuple[str, Figures]]) -> list[dict[str, str]]:
-    """Per statement of a model its quantity, the thesis' value, ours and their agreement, from the computed figures."""
+    """Compare the computed figures with every statement on a model: quantity, value of the thesis, ours, agreement."""
     entries = []
     for key, figures in computed:
         statement = statements()[model][key]
@@ -67,7 +67,7 @@ def beside(model: str, computed: Iterable[tuple[str, Figures]]) -> list[dict[str
 
 
 def agreement(statement: dict[str, Any], figures: Figures) -> str:
-    """The first verdict whose figures lie in their ranges, with every line of `also` that holds."""
+    """Return the first verdict whose figures lie in their ranges, with every line of `also` that applies."""
     first = next(verdict for verdict in statement["verdicts"] if _holds(verdict, figures))
     lines = [first, *(line for line in statement.get("also", ()) if _holds(line, figures))]
     return IN_WORDS.format("".join(line["text"] for line in lines), **figures)
@@ -82,7 +82,7 @@ def _holds(verdict: dict[str, Any], figures: Figures) -> bool:
 
 
 def _distances(verdicts: list[dict[str, Any]], figures: Figures) -> Figures:
-    """Of every figure that is compared with a value: how far it lies apart, in its own unit, in %, and as a ratio."""
+    """Difference of every compared figure from its value: in its own unit, in per cent, and as a ratio."""
     values = {
         name: value for one in verdicts for name, value in one.get("near", {}).items() if isinstance(value, float)
     }
@@ -91,15 +91,15 @@ def _distances(verdicts: list[dict[str, Any]], figures: Figures) -> Figures:
     return apart | off | {f"{name}_times": figures[name] / value for name, value in values.items()}
 
 
-UNDRIVEN = 0.05  # of the loudest joint velocity: a mode below it does not answer
-STOPS_DB = 1.0  # a row: from here on the computed cell's flexural wave counts as stopped
-CONFINED = 2.0  # rms inside over rms outside from which a shape of the active beam counts as confined
+UNDRIVEN = 0.05  # of the largest joint velocity: a mode below it counts as not excited
+STOPS_DB = 1.0  # per row: from here upwards the computed cell's flexural wave counts as stopped
+CONFINED = 2.0  # rms inside over rms outside above which a shape of the active beam counts as confined
 
 
 def mason(study: MasonStudy) -> Iterator[tuple[str, Figures]]:
-    """The mode that is confined, the bare beam without it, the filtered beam with it.
+    """Figures of the confined mode, of the bare beam without it, and of the filtered beam with it.
 
-    The study has to hold the modes about its target: the default window of mason_study does, a band to show need not.
+    The study must contain the modes around its target, as the default window of mason_study does.
     """
     target, f, clamped = study.data.target_hz, study.frequencies_hz, study.modes_hz["clamped"]
     level = np.abs(study.clamped)
@@ -115,7 +115,7 @@ def mason(study: MasonStudy) -> Iterator[tuple[str, Figures]]:
 
 
 def pillar(row: PillarFilter, point: PointForce, cell: dict[str, Any] | None) -> Iterator[tuple[str, Figures]]:
-    """Figure 3.2, the condition (3.21), the pillar against its clamped resonance, rows, and the computed cell."""
+    """Figures of 3.2, of condition (3.21), of the pillar and its clamped resonance, of rows and of the computed cell."""
     damper, spring, printed = (point.of(name) for name in ("printed damper", "spring", "printed force"))
     yield "force", {"spring": spring.transmitted, "printed": printed.transmitted}
     yield "damper", {name: getattr(damper, name) for name in ("transmitted", "reflected", "absorbed")}
@@ -143,7 +143,7 @@ def _cell(strip_hz: tuple[float, float] | None, cell: dict[str, Any]) -> Figures
 
 
 def beam(study: ActiveBeamStudy) -> Iterator[tuple[str, Figures]]:
-    """Equal forces, opposed forces, the two gains, the higher frequency, forces and delay; first and last of the data."""
+    """Figures of equal and opposed forces, both gains, the higher frequency, forces and delay; first and last of the data."""
     tone, gain = study.data.frequencies_hz[0], study.data.gains_n_m[-1]
     point, pair, couple, opposed = (study.case(name, tone, gain) for name in ("point", "pair", "couple", "opposed"))
     where = {"where": _where(point)}
@@ -175,7 +175,7 @@ def _inside(case: Case) -> Figures:
 def _amplitudes(case: Case) -> str:
     return (
         f"largest inside {figure(case.before.inside_max / UM)} -> {figure(case.after.inside_max / UM)} um, "
-        f"inside / beyond {figure(case.after.inside_max / case.after.outside_max)}"
+        f"inside / outside {figure(case.after.inside_max / case.after.outside_max)}"
     )
 
 
@@ -210,7 +210,7 @@ def _limit(gain: float) -> str:
 
 
 def dq(study: DqStudy) -> Iterator[tuple[str, Figures]]:
-    """The closed loop's response, and with the firmware's own time constant."""
+    """Figures of the closed loop's response, and of that with the firmware's time constant."""
     fast, trace = study.step("firmware's constant"), study.query.trace
     reached = {"reached_ms": trace.reached_s() / MS, "firmware_ms": fast.trace.reached_s() / MS}
     planned = {"planned_ms": study.planned_s / MS, "constant_ms": FIRMWARE_RESPONSE_S / MS}
@@ -222,7 +222,7 @@ TWR, STEP_M, WAVELENGTHS_M = 0.58, 3e-3, (0.074, 0.059)  # the text's travelling
 
 
 def shaping(study: ShapingStudy) -> Iterator[tuple[str, Figures]]:
-    """Confinement, coupling, travelling wave, energy, modes, phase of a measuring step, forces, and what is beyond the text."""
+    """Figures of confinement, coupling, travelling wave, energy, modes, measuring step, forces, and further results."""
     real, long_points, _, simulated = study.beams
     displacement: list[tuple[ShapedBeam, Signal]] = [(simulated, "displacement"), (long_points, "displacement")]
     for model, signal in [*displacement, *((real, signal) for signal in real.signals)]:
@@ -262,7 +262,7 @@ def _confined(study: ShapingStudy, model: ShapedBeam, signal: Signal, region: st
 
 
 def _coupling(model: ShapedBeam, frequency_hz: float, signal: Signal) -> tuple[str, Figures]:
-    """At the two frequencies of the text also on the mode beside them."""
+    """Coupling at a frequency, and for the two frequencies of the text also at the nearest mode."""
     coupling = conditioning(model.matrix(frequency_hz, signal))
     words = (
         f"coupling {figure(coupling.coupling)}, independence {figure(coupling.independence)}, "

@@ -1,12 +1,12 @@
-"""The target mode and its neighbours as a mode table for the firmware: binary and C header with the same bytes.
+"""Mode table of the target mode and its neighbours for the firmware: a binary file and a C header with the same bytes.
 
-Its gains from drive patches to sensor patches are modal residues. Sensors are open: with E = C + R_ss (clamped capacitance
-and quasi-static residual), modes r of the plate with closed circuits, gains g_rp = phi_r' theta_p and
+The gains from actuators to sensors are modal residues with open sensors. With E = C + R_ss (clamped capacitance and
+quasi-static residual), modes r of the plate with closed circuits, gains g_rp = phi_r' theta_p and
 lambda_r' = lambda_r (1 + i/Q),
 
     (diag(lambda') + g_s E^-1 g_s' - lambda) q = g_d - g_s E^-1 R_sd,    V_s = -E^-1 (R_sd + g_s' q) per volt.
 
-Its eigenvalues mu are the modes with open sensors; near one, V_s/V = G/(1 + i tau (w - w0)), G = residue/(i Im mu).
+The eigenvalues mu are the modes with open sensors; near one, V_s/V = G/(1 + i tau (w - w0)), G = residue/(i Im mu).
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ModalGains:
-    """m modes with open sensors, ascending: frequency_hz (m,), tau_s (m,); target, the index of the target mode.
+    """The m modes with open sensors, ascending: frequency_hz (m,), tau_s (m,); target: index of the target mode.
 
     parts (m, drivers, sensors): G of each driver alone, driven by +1 V, at the mode's resonance, V/V, exp(i w t);
-    signs (drivers,): with these all drivers push the target mode the same way.
+    signs (drivers,): signs with which all drivers push the target mode in the same direction.
     """
 
     frequency_hz: FloatArray
@@ -60,21 +60,21 @@ class ModalGains:
 
     @property
     def gain(self) -> ComplexArray:
-        """G of all drivers together with their signs, (m, sensors), V/V."""
+        """Gain G of all drivers together with their signs, (m, sensors), V/V."""
         return np.einsum("mds,d->ms", self.parts, self.signs)
 
 
 def can_be_computed(case: Case) -> bool:
-    """Whether there is a driving patch and a sensing one."""
+    """Whether the case has both an actuator and a sensor patch."""
     patches = case.patches
     return patches is not None and bool(patches.sensors) and bool(patches.drivers)
 
 
 def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains:
-    """Modes and gains of a plate with open sensors, the quasi-static residual taken at the target mode.
+    """Modes and gains of a plate with open sensors; the quasi-static residual is that at the target mode.
 
-    Without a target mode, the one nearest to `near_hz` stands for it; SolverError where that is not given either. Modes that
-    no driver moves or no sensor hears (|G| of every pair below 1e-6 V/V) are left out.
+    Without a target mode, the one nearest to `near_hz` takes its place; SolverError if that is not given either. Modes that
+    no driver excites or no sensor measures (|G| of every pair below 1e-6 V/V) are left out.
     """
     from solvers.piezo.forced import in_phase_signs
 
@@ -83,7 +83,7 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
     scale = forced.plate.scale.eigenvalue(1.0)
     tone = near_hz if forced.target_place() is None else forced.target_hz()
     if tone is None:
-        raise SolverError("no mode of the plate with its patches has the target shape: there is none to drive")
+        raise SolverError("no mode of the plate with its patches has the target shape: the table needs one to drive")
     start = int(np.argmin(np.abs(values - scale * tone**2)))
     residual = sum(one.residual_gain[0] + (values[start] - one.middle) * one.residual_gain[1] for one in forced.modes)
     d, s = forced.drivers, forced.sensors
@@ -96,8 +96,8 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
     residues = np.einsum("dm,sm->mds", pushed.T @ vectors, -listened @ vectors)
     root = np.sqrt(mu / scale)
     parts = residues / (1j * mu.imag)[:, None, None]
-    heard = np.abs(parts).max(axis=(1, 2)) >= GAIN[0]
-    order = [k for k in np.argsort(mu.real) if heard[k]]
+    measurable = np.abs(parts).max(axis=(1, 2)) >= GAIN[0]
+    order = [k for k in np.argsort(mu.real) if measurable[k]]
     target = int(np.argmax(np.abs(vectors[start])))
     return ModalGains(
         frequency_hz=np.sqrt(mu.real[order] / scale),
@@ -109,14 +109,14 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
 
 
 SAMPLE_RATE_HZ = RATE_HZ["single"]
-HOLD_S = 0.5 / SAMPLE_RATE_HZ  # half a sample: all of the delay that is known before filters are chosen
+HOLD_S = 0.5 / SAMPLE_RATE_HZ  # half a sample: the only delay known before the filters are chosen
 DRIVE_LIMIT = 0.85  # the DAC's buffer does not reach the rails
 NEIGHBOURS = 6
-ABOUT = 0.2  # of the target mode's frequency: the band of its table where the plate was solved for another
+ABOUT = 0.2  # of the target mode's frequency: half-width of the table's band if the plate was solved for another
 
 
 def table_of(case: Case, frequencies_hz: list[float], target: int) -> ModeTable:
-    """Target mode and nearest neighbours, ascending; time constants from the case's quality factor, gains unidentified."""
+    """Table of target mode and nearest neighbours, ascending; time constants from the quality factor, no gains."""
     kept = _nearest(frequencies_hz, target)
     modes = tuple(
         Mode.from_quality_factor(frequencies_hz[i], case.quality_factor, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT)
@@ -126,9 +126,11 @@ def table_of(case: Case, frequencies_hz: list[float], target: int) -> ModeTable:
 
 
 def table_with_gains(case: Case, gains: ModalGains) -> ModeTable:
-    """The same of the patched plate, sensors open: gains in V/V at the patches, that is, for an amplifier and a conditioner
-    of one together; the hold's droop is in them, its delay beside them. Actuators: PA4 with the patches that push as they
-    are, PA5, which gives the inverse, with the others."""
+    """Table of the patched plate with open sensors and gains in V/V at the patches.
+
+    The gains assume that amplifier and conditioner multiply to one. They include the droop of the hold; its delay is a field
+    of its own. PA4 drives the patches of positive sign, PA5, which gives the inverse, the others.
+    """
     kept = _nearest(gains.frequency_hz.tolist(), gains.target)
     modes = tuple(_patched_mode(gains, i) for i in kept)
     return ModeTable(SAMPLE_RATE_HZ, design_hash(case.to_dict()), modes, kept.index(gains.target))
@@ -138,7 +140,7 @@ def _patched_mode(gains: ModalGains, index: int) -> Mode:
     frequency_hz = float(gains.frequency_hz[index])
     gain = complex(gains.gain[index, 0] * abs(hold(frequency_hz, SAMPLE_RATE_HZ)))
     too_small = max(abs(gain.real), abs(gain.imag)) < GAIN[0]
-    polarities = sorted(set(gains.signs.tolist()), reverse=True)  # of the drivers in use: +1 is wired to PA4, -1 to PA5
+    polarities = sorted(set(gains.signs.tolist()), reverse=True)  # of the drivers: +1 is wired to PA4, -1 to PA5
     by_actuator = np.array([gains.parts[index, gains.signs == sign, 0].sum() for sign in polarities])
     return Mode(
         frequency_hz,
@@ -163,22 +165,22 @@ def _nearest(frequencies_hz: list[float], target: int) -> list[int]:
 
 
 def design_hash(about: object) -> bytes:
-    """16 bytes that name a design, such as a case with its defaults, and the code that computed it."""
+    """Return 16 bytes that identify a design, such as a case with its defaults, and the code that computed it."""
     return hashlib.sha256((canonical_json(about) + code_hash()).encode()).digest()[:16]
 
 
 def write_table(
     case: Case, part_modes: PartModes, target: int, folder: Path, stem: str = "mode_table", log: Log | None = None
 ) -> list[Path]:
-    """Write STEM.bin and STEM.h; both hold the same bytes.
+    """Write STEM.bin and STEM.h, which hold the same bytes.
 
-    With a log, a case in which a patch drives and another listens has its gains computed; any other leaves them to the
-    board's own identification, and nothing is computed.
+    With a log, gains are computed for a case with an actuator and a sensor patch. Otherwise the board identifies them, and
+    nothing is computed.
     """
     if log is not None:
         if can_be_computed(case):
             return write_gains(case, folder, log, stem, near_hz=part_modes.rows[target].frequency_hz)
-        log.info("mode table: gains unidentified, no patch drives while another listens; the board finds them")
+        log.info("mode table: no gains, since they need an actuator and a sensor patch; the board identifies them")
     return write(table_of(case, [row.frequency_hz for row in part_modes.rows], target), folder, stem)
 
 
@@ -192,8 +194,8 @@ def write_gains(
 ) -> list[Path]:
     """Write STEM.bin and STEM.h of the patched plate with computed gains, and log the gains and the wiring.
 
-    `forced`: the plate that a response has solved already; near_hz: where the mode lies that is driven where the patched
-    plate has no target mode.
+    forced: plate that a response has solved already; near_hz: frequency of the mode to drive if the patched plate has no
+    target mode.
     """
     from pipeline.models.forced import forced_plate
 
@@ -207,8 +209,9 @@ def write_gains(
 
 
 def write_patched(case: Case, forced: ForcedPlate, folder: Path, log: Log, stem: str = "mode_table") -> list[Path]:
-    """Write STEM.bin and STEM.h of a patched plate that was solved and has a target mode: with gains where a patch drives and
-    another listens, else its resonances as wired, gains unidentified.
+    """Write STEM.bin and STEM.h of a solved patched plate with a target mode.
+
+    With an actuator and a sensor patch, the table has gains; otherwise it has the resonances of the plate as wired.
     """
     from solvers.piezo.responses import driven_hz, resonances_hz
 
@@ -222,7 +225,7 @@ def write_patched(case: Case, forced: ForcedPlate, folder: Path, log: Log, stem:
 
 
 def _about_target(case: Case, forced: ForcedPlate, log: Log) -> ForcedPlate:
-    """The plate, solved anew about its target mode where that lies outside its band."""
+    """Return the plate, solved again around its target mode if that lies outside its band."""
     from pipeline.models.forced import forced_plate
 
     tone, (low, high) = forced.target_hz(), forced.band_hz
@@ -235,12 +238,12 @@ def _log_summary(case: Case, gains: ModalGains, table: ModeTable, log: Log) -> N
     assert case.patches is not None
     mode = table.modes[table.target]
     if mode.gain is None:
-        log.info("mode table: gain unidentified, the sensor does not hear the target mode")
+        log.info("mode table: no gain, since the sensor does not measure the target mode")
     else:
         angle = figure(float(np.degrees(np.angle(mode.gain))))
         log.info(
-            f"mode table: gain {figure(abs(mode.gain))} V/V at {angle} degrees, computed at {frequency(mode.frequency_hz)} "
-            "with the patches on; multiply by amplifier and conditioner. The board measures it anew"
+            f"mode table: gain {figure(abs(mode.gain))} V/V at {angle} degrees (computed at {frequency(mode.frequency_hz)} "
+            "with the patches on, without amplifier and conditioner); the board measures it again"
         )
     for sign, pin in ((1.0, "PA4"), (-1.0, "PA5")):
         group = [str(patch) for patch, has in zip(case.patches.drivers, gains.signs, strict=True) if has == sign]
@@ -249,7 +252,7 @@ def _log_summary(case: Case, gains: ModalGains, table: ModeTable, log: Log) -> N
 
 
 def places(folder: Path, stem: str) -> list[Path]:
-    """Where a table goes: STEM.bin and STEM.h."""
+    """Files of a table: STEM.bin and STEM.h."""
     return [folder / f"{stem}.bin", folder / f"{stem}.h"]
 
 
@@ -259,9 +262,9 @@ def write(table: ModeTable, folder: Path, stem: str) -> list[Path]:
     try:
         data, refusal = to_bytes(table), why_not_played(table)
     except TableError as error:
-        raise InputError(f"mode table: {error}: the firmware plays no such mode") from error
+        raise InputError(f"mode table: {error}: the firmware cannot play this mode") from error
     if refusal:
-        raise InputError(f"mode table: {refusal}: the firmware plays no such mode")
+        raise InputError(f"mode table: {refusal}: the firmware cannot play this mode")
     for file, content in zip(files, (data, header_text(data).encode()), strict=True):
         write_atomic(file, content)
     return files

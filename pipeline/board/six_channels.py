@@ -1,9 +1,9 @@
-"""Mode tables for six channels, from beams under shaping and of travelling waves, and one played on the emulated board.
+"""Mode tables for six channels, of shaped beams and of travelling waves, and their playback on the emulated board.
 
 `python -m pipeline.board.six_channels FILE.bin` writes the table of the 150 mm beam of the shaping study.
-Patterns, each relative to its largest target: "left", "middle", "right", the signals 1 on a third of the sensors and 0
-elsewhere; "left max" ..., what the voltages of the largest contrast show at the sensors (choi2002); "wave+", "wave-", what
-those of the largest travelling-wave ratio towards +x and -x show.
+Each pattern is relative to its largest target. "left", "middle" and "right" have signals of 1 on a third of the sensors and 0
+elsewhere. "left max", ... have the signals of the largest contrast (choi2002), and "wave+" and "wave-" those of the largest
+travelling-wave ratio towards +x and -x.
 """
 
 from __future__ import annotations
@@ -46,22 +46,22 @@ from solvers.thesis.shaped_beam import ShapedBeam, Signal
 from solvers.thesis.shaping_study import travel_window
 
 SAMPLE_RATE_HZ = 40_000.0
-LARGEST = 0.5  # |T| in full scales at the louder frequency: how the conditioners are to be set
+LARGEST = 0.5  # largest |T| in full scales at any frequency: setting of the conditioners
 BAND_HZ = (MIN_SHAPE_HZ, 4500.0)
 SCANNED = 221
 
 NOISE = 1e-3  # of full scale, at every sensor
-PATTERN_TAUS = 12.0  # decay times that each pattern is held
+PATTERN_TAUS = 12.0  # duration of each pattern, in decay times
 MIN_S = 0.3
 
 
 def full_scale(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float, ...]) -> float:
-    """Full scales of a sensor per unit of its signal, times the volts of a full drive, for |T| of at most LARGEST."""
+    """Full scales of a sensor per unit of its signal, times the voltage of a full drive, for |T| of at most LARGEST."""
     return LARGEST / max(float(np.abs(model.matrix(f, signal)).max()) for f in frequencies_hz)
 
 
 def patterns(model: ShapedBeam, signal: Signal, frequency_hz: float) -> tuple[Pattern, ...]:
-    """The eight patterns at a frequency. Raises SolverError."""
+    """Compute the eight patterns at a frequency. Raises SolverError."""
     matrix, field, line = model.matrix(frequency_hz, signal), model.field(frequency_hz), model.line_m
     named_targets: list[tuple[str, ComplexArray]] = [(region, region_target(region, len(matrix))) for region in REGIONS]
     for region, name in zip(REGIONS, ("left max", "mid max", "rightmax"), strict=True):
@@ -76,16 +76,18 @@ def patterns(model: ShapedBeam, signal: Signal, frequency_hz: float) -> tuple[Pa
 
 
 def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float, ...] = ()) -> ModeTable:
-    """The table of a beam with up to six pairs of actuator and sensor; without frequencies, the two that condition T best.
+    """Build the table of a beam with up to six pairs of actuator and sensor; the default frequencies condition T best.
 
-    The hold's droop and half sample are in T. Raises InputError for more frequencies than a table holds or one that the
-    board refuses, SolverError.
+    T includes the droop and the half sample of the hold. Raises InputError for more frequencies than a table holds or one
+    that the board rejects, and SolverError.
     """
     if len(frequencies_hz) > MAX_SHAPES:
-        raise InputError(f"--frequency: {len(frequencies_hz)} of them, a table holds at most {MAX_SHAPES}")
+        raise InputError(f"--frequency: given {len(frequencies_hz)} times, must be at most {MAX_SHAPES}")
     chosen = frequencies_hz or _best(model, signal)
     if min(chosen) < MIN_SHAPE_HZ:
-        raise InputError(f"--frequency: {min(chosen):g} Hz, the six-channel board takes {MIN_SHAPE_HZ:g} Hz and more")
+        raise InputError(
+            f"--frequency = {min(chosen):g} Hz: must be {MIN_SHAPE_HZ:g} Hz or more for the six-channel board"
+        )
     scale = full_scale(model, signal, chosen)
     slowest_s = float((model.table.quality_factor / (pi * model.table.frequencies_hz)).max())
     matrices = [scale * model.matrix(f, signal) * hold(f, SAMPLE_RATE_HZ) for f in chosen]
@@ -97,14 +99,14 @@ def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float
 
 
 def plate_table(matrix: ComplexArray, frequency_hz: float, tau_s: float, drives: dict[str, ComplexArray]) -> ModeTable:
-    """The table of a plate whose drivers and sensors, six of each or fewer, have T (sensors, drivers) at one frequency.
+    """Build the table of a plate with up to six drivers and sensors from T (sensors, drivers) at one frequency.
 
-    matrix: in full scales, as the board samples it. drives: voltages (drivers,) of each pattern by its name, whose targets are
-    what they show at the sensors. Raises InputError for a frequency that the board does not play.
+    matrix: T in full scales, as sampled by the board; drives: voltages (drivers,) of each pattern by its name, whose sensor
+    signals become the targets. Raises InputError for a frequency that the board cannot play.
     """
     highest = FREQUENCY_HIGH * SAMPLE_RATE_HZ
     if not MIN_SHAPE_HZ <= frequency_hz <= highest:
-        raise InputError(f"{frequency_hz:g} Hz: the six-channel board plays {MIN_SHAPE_HZ:g} to {highest:g} Hz")
+        raise InputError(f"{frequency_hz:g} Hz: must be {MIN_SHAPE_HZ:g} to {highest:g} Hz for the six-channel board")
     targets = {name: matrix @ volts for name, volts in drives.items()}
     named = tuple(Pattern(name, tuple((w / w[np.argmax(np.abs(w))]).tolist())) for name, w in targets.items())
     shape = Shape(frequency_hz, tau_s, named, tuple(map(tuple, matrix.tolist())))
@@ -112,18 +114,20 @@ def plate_table(matrix: ComplexArray, frequency_hz: float, tau_s: float, drives:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line; returns the exit code."""
     from pipeline.case.limits import parse_frequency
     from solvers.thesis.shaped_beam import patched, pointed
     from solvers.thesis.shaping_study import ShapingData
 
     parser = argparse.ArgumentParser(prog="python -m pipeline.board.six_channels", description=__doc__)
-    parser.add_argument("file", type=Path, help="FILE.bin; FILE.h beside it holds the same bytes")
-    parser.add_argument("--points", action="store_true", help="the ideal beam of points instead of the real patches")
-    parser.add_argument("--frequency", action="append", default=[], help=f"at most {MAX_SHAPES} of them")
+    parser.add_argument("file", type=Path, help="output FILE.bin; FILE.h in the same folder holds the same bytes")
     parser.add_argument(
-        "--unmeasured", action="store_true", help="leave T out: the board measures its own before it drives"
+        "--points", action="store_true", help="use the ideal beam of points instead of the real patches"
     )
+    parser.add_argument(
+        "--frequency", action="append", default=[], help=f"frequency with its unit (at most {MAX_SHAPES} times)"
+    )
+    parser.add_argument("--unmeasured", action="store_true", help="omit T: the board measures its own before it drives")
     chosen = parser.parse_args(arguments)
     data = ShapingData()
     try:
@@ -144,20 +148,20 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def table_of(wave: Travelling) -> ModeTable:
-    """The six-channel table: T at the wave's frequency, the pair both ways and the largest travelling-wave ratio both ways.
+    """Build the six-channel table: T at the wave's frequency, and the pair and the best wave in both directions.
 
-    Raises InputError for more channels than the board has, or a frequency that it does not play.
+    Raises InputError for more channels than the board has, or a frequency that it cannot play.
     """
     drivers, sensors = wave.table.actuator_count, wave.table.sensor_count
     if max(drivers, sensors) > CHANNELS:
-        what = f"{drivers} drive and {sensors} listen, the board has {CHANNELS} channels of each"
+        what = f"{drivers} actuators and {sensors} sensors, must be at most {CHANNELS} of each for the board"
         raise InputError(f"patches: {what}")
     matrix = structure(wave).sampled_matrix(wave.pair.frequency_hz)[:sensors, :drivers]
     return plate_table(matrix, wave.pair.frequency_hz, _tau_s(wave), wave.drives)
 
 
 def structure(wave: Travelling) -> Structure:
-    """The plate as the emulated board moves it: all modes of the table, channels that are not in use at rest."""
+    """Model of the plate for the emulated board: all modes of the table, unused channels at rest."""
     table, scale = wave.table, LARGEST / float(np.abs(wave.matrix).max())
     residual = np.zeros((CHANNELS, CHANNELS))
     assert table.sensor_residual is not None
@@ -174,9 +178,9 @@ def structure(wave: Travelling) -> Structure:
 
 
 def board_outcome(wave: Travelling, log: Log, folder: Path | None, played: bool) -> dict[str, Any]:
-    """Return the columns `tables`, where the table went, and `board`, how the emulated board played each pattern.
+    """Return the columns `tables`, the files written, and `board`, the patterns played by the emulated board.
 
-    A plate that the board cannot play leaves both out and says why, unless playing was asked for.
+    If the board cannot play the plate, both are omitted and the log gives the reason; requested playback raises InputError.
     """
     try:
         table = table_of(wave)
@@ -194,7 +198,7 @@ def board_outcome(wave: Travelling, log: Log, folder: Path | None, played: bool)
 
 
 def patterns_of(wave: Travelling, drives: np.ndarray) -> list[PlayedPattern]:
-    """The wave that each pattern's drives (patterns, 6) make on the plate, beside the one asked for."""
+    """Compare the wave that each pattern's drives (patterns, 6) produce on the plate with the requested one."""
     results = []
     for (name, target_volts), row in zip(wave.drives.items(), drives, strict=True):
         volts = row[: len(target_volts)]
@@ -223,7 +227,7 @@ def _played(wave: Travelling, table: ModeTable, log: Log) -> list[PlayedPattern]
 
     seconds = max(MIN_S, PATTERN_TAUS * _tau_s(wave))
     try:
-        with log.step("the six-channel image on the emulated board"):
+        with log.step("run the six-channel image on the emulated board"):
             drives = six_run(to_bytes(table), structure(wave), len(wave.drives), seconds)
     except BuildError as missing:
         if missing.exit_code != 5:

@@ -1,4 +1,4 @@
-"""Files for others: print and CAD files with their check, meshes with modes, mode tables."""
+"""Files for other programs: print and CAD files with their check, meshes with modes, mode tables."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.records import outputs
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
 ONE_FILE = ("phonopy", "paraview", "xdmf", "uff", "impedance")  # functions of `results`
-ENDINGS = {  # that a file's name may have, the first one where no name is given; "": what several files' names begin with
+ENDINGS = {  # allowed endings of a file, the first one by default; "": common stem of several files
     "stl": (".stl",),
     "step": (".step", ".stp"),
     "3mf": (".3mf",),
@@ -34,7 +34,7 @@ WORDS = {".s1p": ".s1p (Touchstone)"}
 def write(case: Case, form: str, output: str | None, log: Log, part: str = "plate", force: bool = False) -> list[Path]:
     """Write one format; returns the files written. Parts other than the plate go to finite-element programs only.
 
-    `force`: a mode table even where no mode is the target mode.
+    `force`: write a mode table even without a target mode.
     """
     if form not in SOLVER_FILES and part != "plate":
         raise InputError(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
@@ -53,7 +53,7 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
 
 
 def _check_ending(form: str, path: Path) -> None:
-    """InputError for a file whose name says that it is something else than will be in it."""
+    """Raise InputError for a file name whose ending does not match the format."""
     if outputs.is_standard_output(path) or (path.exists() and not path.is_file()):
         return
     allowed = ENDINGS[form]
@@ -64,7 +64,7 @@ def _check_ending(form: str, path: Path) -> None:
 
 
 def places(form: str, output: str | Path) -> list[str | Path]:
-    """The files that one format goes to. Raises InputError for several files at what is no regular file's name."""
+    """Return the files of one format; InputError for several files if `output` cannot name a regular file."""
     path = Path(output)
     if not path.name or form in CAD or form in ONE_FILE or form == "vtu":
         return [output]
@@ -98,7 +98,7 @@ def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
 
 
 def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
-    """The solid quarter of the plate and its target mode."""
+    """Write the solid quarter of the plate with its target mode."""
     from dataclasses import replace
 
     from geometry.formats.vtk import write_vtu
@@ -122,7 +122,7 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
 
 
 def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
-    """Mode table of the target mode and its neighbours; `force` takes the most similar mode where none is the target mode."""
+    """Write the mode table of the target mode and its neighbours; without one, `force` uses the most similar mode."""
     from pipeline.board.export import write_table
     from pipeline.models.modes import solve_modes
     from pipeline.models.target import warn_of_target
@@ -138,7 +138,7 @@ def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
     if index is None:
         (said,) = verdict_text(part_modes.target, case.design)
         raise InputError(
-            f"{case.name}: {said} A table would drive another mode: change the design or solve.band_kHz, or take the most "
+            f"{case.name}: {said} A table would drive another mode: change the design or solve.band_kHz, or use the most "
             "similar mode with --force"
         )
     return write_table(case, part_modes, index, path.parent, path.stem, log)

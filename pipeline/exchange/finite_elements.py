@@ -1,4 +1,4 @@
-"""Parts of a case for other finite-element programs, whole, quadratic, with named groups: Code_Aster and CalculiX."""
+"""Export of parts to Code_Aster and CalculiX: whole quadratic meshes with named groups."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from solvers.fem.eigen import factor_near, modes_near
 from solvers.fem.factor import Factoriser
 from solvers.fem.solid import SolidModel
 
-ESTIMATED_DOFS = 60_000  # a larger mesh is not solved for the sake of its error
+ESTIMATED_DOFS = 60_000  # largest mesh that is solved to estimate its error
 ESTIMATED_MODES = 4
-HALVED = 1.0 / 7.0  # of the degrees of freedom that elements half as long have
-MAX_DOFS = 300_000  # what a desktop solves in another program without thinking about memory
+HALVED = 1.0 / 7.0  # factor on the degrees of freedom that leaves room to halve the elements
+MAX_DOFS = 300_000  # fits into the memory of a desktop computer in other programs
 FINENESS = (0.25, 0.5, 1.0, 2.0, 4.0)  # element sizes tried, over the part's smallest dimension
-FINEST = {0.03: 2.0, 0.01: 1.0, 0.003: 0.5}  # accuracy: where in FINENESS to begin
-DOFS_PER_TET = 4.5  # a quadratic tetrahedron brings about 1.5 nodes
+FINEST = {0.03: 2.0, 0.01: 1.0, 0.003: 0.5}  # accuracy: first element size tried in FINENESS
+DOFS_PER_TET = 4.5  # a quadratic tetrahedron adds about 1.5 nodes
 TETS_PER_CUBE = 8.5  # tetrahedra of edge h in a cube of side h
 COARSER = 1.25
 COUNT_ACCURACY = 0.03
@@ -49,9 +49,9 @@ GROUPS |= {"x-": "XMIN", "x+": "XMAX", "y-": "YMIN", "y+": "YMAX"}
 CLAMP = "CLAMP"
 
 ENDINGS = (".med", ".comm", ".export", "_README.txt")
-MODES_A_BAND = 40  # one Lanczos subspace each: keeps its vectors and its orthogonalisation small
-ABOVE_RIGID_HZ = 1.0  # a free body's band must not hold its rigid-body modes
-NODES = "N_"  # before the name of a face group: the group of its nodes
+MODES_A_BAND = 40  # one Lanczos subspace per band: keeps its vectors and its orthogonalisation small
+ABOVE_RIGID_HZ = 1.0  # a free body's band must exclude its rigid-body modes
+NODES = "N_"  # prefix of a face group for the group of its nodes
 MESH_NAME_LENGTH = 24
 
 PER_LINE = 12  # numbers on a line of a set; CalculiX allows 16
@@ -61,10 +61,10 @@ SPARE_MODES = 6
 
 @dataclass(frozen=True)
 class Exchange:
-    """A part to hand over: order-2 mesh, outer facets, face groups as places in them, volumes with their materials.
+    """A part to export: order-2 mesh, outer facets, face groups as indices of facets, volumes with their materials.
 
-    `search` is what the case asks for: a band, or `count` modes near a frequency. error: how far the mesh may put modes about
-    it too high, relative; None where it is not estimated. estimated_hz: the lowest and the highest of these modes.
+    search: request of the case, a band or `count` modes near a frequency; error: relative overestimate of modes there, None
+    without an estimate; estimated_hz: lowest and highest of these modes.
     """
 
     name: str
@@ -80,15 +80,17 @@ class Exchange:
 
     @property
     def error_text(self) -> str:
-        """What the file and the terminal say of the mesh's error."""
+        """Describe the error of the mesh for the file and the terminal."""
         if self.error is None:
-            return "the error of its frequencies is not estimated: refine it and compare"
+            return "no error estimate for its frequencies: refine the mesh and compare"
         modes = quantity.interval(*self.estimated_hz)
-        return f"its modes at {modes} may lie up to {quantity.percent(self.error)} too high (estimated from recovered stresses)"
+        return (
+            f"its modes at {modes} are up to {quantity.percent(self.error)} too high (estimated from stress recovery)"
+        )
 
     @property
     def clamped(self) -> bool:
-        """Whether some face is clamped."""
+        """Whether any face is clamped."""
         return CLAMP in self.faces
 
     def nodes_of(self, group: str) -> IntArray:
@@ -97,22 +99,22 @@ class Exchange:
 
 
 def exchange(case: Case, part: str, log: Log, tetrahedra: bool = False) -> Exchange:
-    """Mesh a part whole and name its groups; boxes as hexahedra of 27 nodes, or those split when `tetrahedra`."""
+    """Mesh a part whole and name its groups; boxes give hexahedra of 27 nodes, which `tetrahedra` splits."""
     if part == "pillar":
-        case.require_one_kind("the lone pillar is")
+        case.require_one_kind("the isolated pillar is")
     part_mesh, share = _exchange(case, part, log, tetrahedra), 1.0
     while _is_coarse(part_mesh, case) and part_mesh.mesh.dof <= HALVED * ESTIMATED_DOFS:
         share /= 2.0
-        log.info(f"{part_mesh.error_text}, solve.accuracy = {case.solve.accuracy:g}: elements half as long")
+        log.info(f"{part_mesh.error_text}; solve.accuracy = {case.solve.accuracy:g}: halving the element size")
         part_mesh = _exchange(case, part, log, tetrahedra, share)
     _log_summary(part_mesh, log)
     if _is_coarse(part_mesh, case):
-        log.warning("MESH", f"solve.accuracy = {case.solve.accuracy:g}: the mesh misses it; {part_mesh.error_text}")
+        log.warning("MESH", f"solve.accuracy = {case.solve.accuracy:g}: not met by this mesh; {part_mesh.error_text}")
     return part_mesh
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Text for another program from a template beside this module."""
+    """Render the text for another program from a template of this folder."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     look: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
@@ -121,14 +123,14 @@ def rendered(template: str, **values: Any) -> str:
 
 
 def clamped_faces(part: str, mesh: Mesh) -> tuple[str, ...]:
-    """The faces that are clamped: both long sides of the zone, the pillar's foot, none of the plate's."""
+    """Clamped faces: both long sides of the zone, the foot of the pillar, none of the plate."""
     if part == "zone":
         return ("y-", "y+")
     return ("foot" if "foot" in mesh.faces else "touch",) if part == "pillar" else ()
 
 
 def modes_below(case: Case, part: str, frequencies_hz: Sequence[float], log: Log) -> list[int]:
-    """How many modes, rigid ones included, a coarse model of the part has below each frequency: negative pivots of K - sM."""
+    """Number of modes of a coarse model below each frequency, rigid ones included, from the negative pivots of K - sM."""
     coarse = replace(case, solve=case.solve.but(accuracy=max(case.solve.accuracy, COUNT_ACCURACY), model="auto"))
     counts = [0] * len(frequencies_hz)
     with log.step("count modes"):
@@ -157,18 +159,18 @@ def aster(case: Case, part: str, output: Path, log: Log) -> list[Path]:
 
 
 def aster_files(output: Path) -> list[Path]:
-    """Where the study goes: NAME.med, NAME.comm, NAME.export, NAME_README.txt."""
+    """Files of the study: NAME.med, NAME.comm, NAME.export, NAME_README.txt."""
     name = output.stem if output.suffix in ENDINGS else output.name
     return [output.with_name(name + ending) for ending in ENDINGS]
 
 
 def mesh_name(part_mesh: Exchange) -> str:
-    """The mesh's name in the MED file."""
+    """Name of the mesh in the MED file."""
     return part_mesh.part.upper()[:MESH_NAME_LENGTH]
 
 
 def raw_mesh(part_mesh: Exchange) -> RawMesh:
-    """Volume cells, the facets of named faces, volume groups, face groups, and their nodes as N_..."""
+    """Collect volume cells, facets of named faces, volume and face groups, and groups N_... of their nodes."""
     mesh = part_mesh.mesh
     kind = (mesh.kind, mesh.order)
     named = np.unique(np.concatenate(list(part_mesh.faces.values())))
@@ -184,7 +186,7 @@ def raw_mesh(part_mesh: Exchange) -> RawMesh:
 
 
 def commands(part_mesh: Exchange, bounds: tuple[float, ...]) -> str:
-    """The command file: mesh, model, materials, clamps, matrices, count of modes, modes, results."""
+    """Render the command file: mesh, model, materials, clamps, matrices, count of modes, modes, results."""
     about = {
         "element": VOLUME[part_mesh.mesh.kind, part_mesh.mesh.order],
         "mesh_name": mesh_name(part_mesh),
@@ -194,7 +196,7 @@ def commands(part_mesh: Exchange, bounds: tuple[float, ...]) -> str:
 
 
 def export_file(name: str) -> str:
-    """What run_aster reads: parameters, files in (D) and results (R) with their units; paths beside this file."""
+    """Render the file for run_aster: parameters, input files (D) and results (R) with their units, relative paths."""
     return rendered("aster.export.j2", name=name)
 
 
@@ -210,14 +212,14 @@ def calculix(case: Case, part: str, output: Path, log: Log) -> list[Path]:
 
 
 def calculix_file(output: Path) -> Path:
-    """Where the input file goes: NAME.inp, or what stands there and is no regular file, such as standard output."""
+    """Path of the input file: NAME.inp, or `output` itself if it is not a regular file, such as standard output."""
     if is_standard_output(output) or output.suffix == ".inp" or (output.exists() and not output.is_file()):
         return output
     return output.with_name(output.name + ".inp")
 
 
 def input_deck(part_mesh: Exchange, count: int) -> str:
-    """The whole input file; `count` modes are asked for from the lowest up."""
+    """Write the whole input file, which requests the `count` lowest modes."""
     out = io.StringIO()
     out.write(f"*HEADING\n{part_mesh.name}: the whole {part_mesh.part}, SI units (m, kg, s, N), written by antinode\n")
     out.write(f"** mesh sha256 {part_mesh.mesh.sha256}\n** mesh: {part_mesh.error_text}\n")
@@ -231,12 +233,12 @@ def input_deck(part_mesh: Exchange, count: int) -> str:
 
 
 def _is_coarse(part_mesh: Exchange, case: Case) -> bool:
-    """Whether the mesh's error is known to exceed the accuracy."""
+    """Whether the estimated error of the mesh exceeds the accuracy."""
     return part_mesh.error is not None and part_mesh.error > case.solve.accuracy
 
 
 def _exchange(case: Case, part: str, log: Log, tetrahedra: bool, share: float = 1.0) -> Exchange:
-    """The part on a mesh of elements `share` times as long as the accuracy asks for at first."""
+    """Mesh the part with elements `share` times as long as those that the accuracy selects first."""
     with log.step(f"mesh the whole {part}"):
         mesh = _mesh(case, part, log, share)
         if tetrahedra and mesh.kind == "hex":
@@ -251,15 +253,13 @@ def _exchange(case: Case, part: str, log: Log, tetrahedra: bool, share: float = 
 
 
 def _estimated(part_mesh: Exchange, materials: dict[str, Material], log: Log) -> Exchange:
-    """The same with the largest error of some modes about what the case asks for, times MARGIN; hexahedra and large meshes as
-    they are.
-    """
+    """Add the largest error of some modes near the request, times MARGIN; hexahedra and large meshes have no estimate."""
     mesh, search = part_mesh.mesh, part_mesh.search
     if mesh.kind != "tet" or mesh.dof > ESTIMATED_DOFS:
         return part_mesh
     clamped = clamped_faces(part_mesh.part, mesh)
     about_hz = sum(search.band_hz) / 2.0 if search.band_hz else search.near_hz or 0.0
-    with log.step("error of the mesh"):
+    with log.step("discretisation error"):
         model = SolidModel(mesh, materials, clamped, False)
         pencil = model.pencil(None)
         modes = modes_near(pencil, about_hz, ESTIMATED_MODES)
@@ -271,7 +271,7 @@ def _estimated(part_mesh: Exchange, materials: dict[str, Material], log: Log) ->
 
 
 def _faces(mesh: Mesh, facets: Facets, design: Design, part: str) -> dict[str, IntArray]:
-    """Places of the facets of every named group; the back of a plate of boxes is recognised by its height."""
+    """Indices of the facets of every named group; the back of a plate of boxes is recognised by its height."""
     inside = {name: np.isin(facets.nodes, mesh.nodes_of(name)).all(axis=1) for name in mesh.faces if name in GROUPS}
     if part != "pillar":
         height = mesh.nodes[facets.nodes, 2]
@@ -301,7 +301,7 @@ def _mesh(case: Case, part: str, log: Log, share: float) -> Mesh:
 
 
 def _settings(case: Case, part: str, share: float) -> Iterator[HexSettings]:
-    """Element sizes from the finest that the accuracy asks for to the coarsest."""
+    """Element sizes from the finest that the accuracy requires to the coarsest."""
     design = case.design
     smallest = design.thickness_m if part != "pillar" or design.pillar is None else design.pillar.smallest_m
     finest = next((size for accuracy, size in FINEST.items() if case.solve.accuracy >= accuracy), FINENESS[0])
@@ -311,28 +311,28 @@ def _settings(case: Case, part: str, share: float) -> Iterator[HexSettings]:
 
 
 def _boxes(case: Case, part: str, log: Log, share: float) -> Boxes:
-    """The finest boxes below the limit of degrees of freedom; the coarsest there are when none is."""
+    """Mesh boxes as finely as the limit of degrees of freedom allows, or else with the coarsest elements."""
     for settings in _settings(case, part, share):
         scene = part_scene(case.design, part, settings, quarter=False)
         dofs = 3 * box_counts(scene, 2).nodes
         if dofs <= MAX_DOFS:
             return boxes_of(scene)
-    log.warning("LARGE", f"the coarsest mesh of this {part} has {dofs} degrees of freedom, more than {MAX_DOFS}")
+    log.warning("LARGE", f"{part}: its coarsest mesh has {dofs} degrees of freedom, more than {MAX_DOFS}")
     return boxes_of(scene)
 
 
 def _tetrahedra(case: Case, part: str, log: Log, share: float) -> Mesh:
-    """Mesh the part through CAD and pytetwild, coarsened until it is below the limit."""
+    """Mesh the part through CAD and pytetwild, with longer edges until it is below the limit."""
     fewest = (DOFS_PER_TET * TETS_PER_CUBE * part_solid(case.design, part).volume_m3 / MAX_DOFS) ** (1.0 / 3.0)
     edge = max(share * mesh_rules.tet_edge_m(_smallest_m(case.design, part), max(case.solve.accuracy, 0.01)), fewest)
     while (mesh := scenes.tet_part(case.design, part, edge)).dof > MAX_DOFS:
-        log.info(f"{mesh.dof} degrees of freedom are more than {MAX_DOFS}: meshing again, coarser")
+        log.info(f"mesh: {mesh.dof} degrees of freedom, limit {MAX_DOFS}; meshing again with longer edges")
         edge *= COARSER
     return mesh
 
 
 def _smallest_m(design: Design, part: str) -> float:
-    """The smallest dimension that a part's tetrahedra must resolve, m."""
+    """Smallest dimension that a part's tetrahedra must resolve, m."""
     sizes = [design.thickness_m] if part != "pillar" else []
     if design.pillar and (part == "pillar" or (part == "plate" and design.rows)):
         sizes += [pillar.smallest_m for pillar in design.kinds]
@@ -340,7 +340,7 @@ def _smallest_m(design: Design, part: str) -> float:
 
 
 def _bounds(case: Case, part_mesh: Exchange, log: Log) -> tuple[float, ...]:
-    """Ends of the sub-bands, Hz: as many as the modes in the band need; none when no band is asked for."""
+    """Ends of the sub-bands, Hz, whose number depends on that of the modes; none without a band."""
     if part_mesh.search.band_hz is None:
         return ()
     low, high = part_mesh.search.band_hz
@@ -348,7 +348,7 @@ def _bounds(case: Case, part_mesh: Exchange, log: Log) -> tuple[float, ...]:
     below_low, below_high = modes_below(case, part_mesh.part, (low, high), log)
     count = below_high - below_low
     parts = max(1, ceil(count / MODES_A_BAND))
-    log.info(f"about {count} modes from {low:g} to {high:g} Hz: {parts} sub-band(s)")
+    log.info(f"modes from {low:g} to {high:g} Hz: about {count} (coarse inertia count), in {parts} sub-band(s)")
     return tuple(float(f) for f in np.linspace(low, high, parts + 1))
 
 
@@ -361,7 +361,7 @@ def _note(part_mesh: Exchange, name: str) -> str:
 
 
 def _count(case: Case, part_mesh: Exchange, log: Log) -> int:
-    """Number of modes to ask for: CalculiX begins at the lowest one whatever the band, so that those below count too."""
+    """Number of modes to request: CalculiX always begins with the lowest one, so that modes below the band count, too."""
     rigid = 0 if part_mesh.clamped else 6
     if part_mesh.search.band_hz is None:
         top = part_mesh.search.near_hz or 0.0
@@ -369,19 +369,19 @@ def _count(case: Case, part_mesh: Exchange, log: Log) -> int:
         return below + (part_mesh.search.count or 1)
     high = part_mesh.search.band_hz[1]
     below = modes_below(case, part_mesh.part, (high,), log)[0]
-    log.info(f"about {below} modes below {high:g} Hz: CalculiX finds them all before it drops those below the band")
+    log.info(f"modes below {high:g} Hz: about {below} (coarse inertia count); CalculiX drops those below the band")
     return int(SPARE * below) + SPARE_MODES
 
 
 def _nodes(out: io.StringIO, part_mesh: Exchange) -> None:
-    """CalculiX reads at most 20 characters a number."""
+    """Write the nodes; CalculiX reads at most 20 characters per number."""
     out.write("*NODE, NSET=NALL\n")
     numbers = np.arange(1, len(part_mesh.mesh.nodes) + 1)
     np.savetxt(out, np.column_stack([numbers, part_mesh.mesh.nodes]), fmt="%d, %.12e, %.12e, %.12e")
 
 
 def _elements(out: io.StringIO, part_mesh: Exchange) -> None:
-    """Local nodes stand as in our tetrahedra: corners, then middles of 12, 23, 13, 14, 24, 34."""
+    """Write the elements, whose local nodes have our order: corners, then middles of 12, 23, 13, 14, 24, 34."""
     for name, cells in part_mesh.volumes.items():
         out.write(f"*ELEMENT, TYPE=C3D10, ELSET={name}\n")
         np.savetxt(out, np.column_stack([cells + 1, part_mesh.mesh.cells[cells] + 1]), fmt="%d", delimiter=", ")
@@ -394,7 +394,7 @@ def _set(out: io.StringIO, head: str, members: IntArray) -> None:
 
 
 def _surface(out: io.StringIO, part_mesh: Exchange, name: str, places: IntArray) -> None:
-    """Faces of elements: our four stand in CalculiX's order S1 to S4."""
+    """Write the faces of elements, which already have CalculiX's order S1 to S4."""
     out.write(f"*SURFACE, NAME=S_{name}, TYPE=ELEMENT\n")
     facets = part_mesh.facets
     for cell, local in zip(facets.cells[places], facets.local[places], strict=True):

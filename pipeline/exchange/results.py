@@ -33,7 +33,7 @@ def phonopy(case: Case, path: Path, log: Log) -> Path:
 
 
 def band_yaml(document: dict[str, Any]) -> str:
-    """The file's text from a document of bands; every segment has both its ends, as phonopy writes them."""
+    """Render the file from a document of bands; every segment has both its ends, like those of phonopy."""
     design, points = document["with_defaults"]["design"], document["points"]
     vectors = np.diag([0.0, 0.0, design["thickness_m"]])
     vectors[:2, :2] = Lattice.of_rows(design["pitch_x_m"], design["pitch_y_m"], design.get("stagger", False)).vectors_m
@@ -51,7 +51,7 @@ def band_yaml(document: dict[str, Any]) -> str:
 
 
 # -- shapes ------------------------------------------------------------------------------------------------------------
-# Every mode of a plate on the surface of the whole body, one step each: VTKHDF for ParaView, or XDMF as one file of text.
+# Every mode of a plate on the surface of the whole body, one step each: VTKHDF for ParaView, or XDMF as one text file.
 
 
 def paraview(case: Case, path: Path, log: Log) -> Path:
@@ -65,14 +65,16 @@ def paraview(case: Case, path: Path, log: Log) -> Path:
 
 
 def xdmf(case: Case, path: Path, log: Log) -> Path:
-    """The same as XDMF."""
+    """Compute the modes that `antinode modes` lists and write their shapes as XDMF."""
     from meshio.xdmf import TimeSeriesWriter
 
     points, facets, tones, shapes = shapes_of(case, log)
     with (
         log.step(f"write {len(tones)} shapes"),
         written_whole(path) as temporary,
-        TimeSeriesWriter(temporary, data_format="XML") as writer,  # of HDF5 meshio leaves a part in the working folder
+        TimeSeriesWriter(
+            temporary, data_format="XML"
+        ) as writer,  # with HDF5, meshio leaves a file in the working folder
     ):
         writer.write_points_cells(points, [("triangle", facets)])
         for tone, shape in zip(tones.tolist(), shapes.astype(np.float32), strict=True):
@@ -81,8 +83,8 @@ def xdmf(case: Case, path: Path, log: Log) -> Path:
 
 
 def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-    """Points (p, 3) in m and triangles (m, 3) of the whole plate's closed surface, frequencies (k,) in Hz and displacements
-    (k, p, 3) of its modes. Raises InputError where the band holds none.
+    """Solve the modes of the plate on its closed surface; InputError if the band has none. Returns points (p, 3) in m,
+    triangles (m, 3), frequencies (k,) in Hz and displacements (k, p, 3).
     """
     from geometry.decimation import closed_surface
     from pipeline.models.modes import solve_modes
@@ -90,7 +92,7 @@ def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, F
 
     solved = solve_modes(case, Request("plate"), log)
     if not solved.rows:
-        raise InputError(f"{case.name}: no mode in the band that was asked for: there is nothing to show")
+        raise InputError(f"{case.name}: no mode in the requested band: widen solve.band_kHz")
     symmetries = {row.symmetry for row in solved.rows}
     skins = {each: solved.model.skin(each, solved.vectors[each]).unfolded(each) for each in symmetries}
     first = next(iter(skins.values()))
@@ -100,14 +102,14 @@ def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, F
 
 
 # -- frequency responses -----------------------------------------------------------------------------------------------
-# The forced response as a universal file: nodes of the touch face (dataset 15) and a frequency response each (dataset 58).
+# The forced response as a universal file: nodes of the touch face (dataset 15), each with a frequency response (dataset 58).
 
 FREQUENCY_RESPONSE, DISPLACEMENT, UNKNOWN, FREQUENCY, UP = 4, 8, 0, 18, 3  # codes of dataset 58
 REAL_LENGTH = 80
 
 
 def uff(case: Case, path: Path, log: Log) -> Path:
-    """Compute the response about the target peak on a grid of the touch face and write it, u_z in m per volt."""
+    """Compute the response around the target peak on a grid of the touch face and write it, u_z in m per volt."""
     import pyuff
 
     from pipeline.measured.synthetic import grid, tones
@@ -162,14 +164,14 @@ def _response(case: Case, node: int, frequency: Any, values: Any) -> dict[str, A
 
 
 # -- impedance ---------------------------------------------------------------------------------------------------------
-# What an amplifier sees of the patches: a Touchstone file (.s1p) or CSV of their impedance over frequency.
+# The load of an amplifier: the patches' impedance over frequency, as a Touchstone file (.s1p) or CSV.
 
 REFERENCE_OHM = 50.0
 POINTS = 801
 
 
 def impedance(case: Case, path: Path, log: Log) -> Path:
-    """Compute the impedance of the driven patches in parallel, sensors open, and write it as the ending says."""
+    """Compute the impedance of the driven patches in parallel, sensors open, and write it in the format of the ending."""
     from pipeline.models.forced import forced_plate
     from solvers.piezo.responses import admittance
 
@@ -184,15 +186,15 @@ def impedance(case: Case, path: Path, log: Log) -> Path:
 
 
 def touchstone(frequency_hz: Any, impedance_ohm: Any) -> str:
-    """One port's reflection S11 against 50 ohm, real and imaginary."""
+    """Write the reflection S11 of one port with a reference of 50 ohm, as real and imaginary parts."""
     reflection = (impedance_ohm - REFERENCE_OHM) / (impedance_ohm + REFERENCE_OHM)
-    lines = ["! driven patches of a plate in parallel, dielectric losses left out", f"# Hz S RI R {REFERENCE_OHM:g}"]
+    lines = ["! driven patches of a plate in parallel, without dielectric losses", f"# Hz S RI R {REFERENCE_OHM:g}"]
     lines += [f"{f:.6f} {s.real:.12e} {s.imag:.12e}" for f, s in zip(frequency_hz, reflection, strict=True)]
     return "\n".join(lines) + "\n"
 
 
 def impedance_table(frequency_hz: Any, impedance_ohm: Any) -> str:
-    """Impedance as resistance and reactance."""
+    """Write the impedance as resistance and reactance."""
     head = ("frequency_Hz", "resistance_ohm", "reactance_ohm")
     rows = ((f"{f:.6f}", f"{z.real:.9e}", f"{z.imag:.9e}") for f, z in zip(frequency_hz, impedance_ohm, strict=True))
     return outputs.csv_bytes(head, rows).decode()

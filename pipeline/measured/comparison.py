@@ -1,4 +1,4 @@
-"""A computed response beside a measured sweep and a measured map of the same plate: shift, losses, confinement, correlation."""
+"""Comparison of a computed response with a measured sweep and map: shift, losses, confinement, correlation."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from solvers.measures.confinement import CONFINED_DB
 from solvers.measures.correlation import Weights, assurance, confinement_of, sampled, weigh
 from solvers.piezo.responses import loudest_point, point_response
 
-COVERED = 0.9  # of a face's area: with less, the map does not speak for the face
+COVERED = 0.9  # of a face's area: with less, the map does not represent the face
 
 
 @dataclass(frozen=True)
 class Measurements:
-    """What was read: a sweep, where its laser stood (m; None: where the zone moves most), a map with its weights."""
+    """Measurements read: a sweep, the point of its laser (m; None: where the zone moves most), a map with its weights."""
 
     sweep: MeasuredSweep | None
     at_m: tuple[float, float] | None
@@ -39,8 +39,9 @@ class Measurements:
 def read(
     case: Case, sweep: str | None, field: str | None, at: str | None, band_hz: tuple[float, float] | None = None
 ) -> Measurements | None:
-    """The files of a command line, or else of the case; None when neither names one. InputError for what does not fit the
-    case or its response over a band.
+    """Read the files of a command line, or else of the case; None if neither names one.
+
+    Raises InputError for measurements that do not fit the case or its response over a band.
     """
     of_case = sweep is None and field is None and at is None and case.measured is not None
     if of_case:
@@ -54,7 +55,7 @@ def read(
     case.require("patches", command="response")
     measured = files.read_sweep(sweep) if sweep is not None else None
     if measured and measured.quantity == "sensor" and not (case.patches and case.patches.sensors):
-        raise InputError(f"{sweep}: a sensor's voltage, but the case has no patches.sensors: must name one")
+        raise InputError(f"{sweep}: holds a sensor's voltage, but the case has no sensor: set patches.sensors")
     if measured:
         key = "--band" if band_hz else "solve.band_kHz"
         what = f"{case.source or case.name}: measured.sweep = {measured.file}" if of_case else measured.file
@@ -93,7 +94,7 @@ def _place(at: str | None, case: Case, what: str) -> tuple[float, float] | None:
 def compare(
     case: Case, response: SolvedResponse, measured: Measurements, log: Log
 ) -> tuple[parts.MeasuredRecord, dict[str, Any]]:
-    """Compare both files with the computed response; also the arrays behind the pictures."""
+    """Compare both files with the computed response; returns the record and the arrays of the pictures."""
     sweep, field = None, None
     arrays: dict[str, Any] = {}
     with log.step("compare with the measurement"):
@@ -113,14 +114,14 @@ def _sweep(
     low, high = given.frequencies_hz[0], given.frequencies_hz[-1]
     sensor: Sensor = "velocity" if measured.quantity == "velocity" else "displacement"
     place, curve = _computed(case, response, measured, at_m)
-    near = np.abs(tone - (low + high) / 2.0) <= 1.5 * (high - low)  # a peak further off is another mode's
+    near = np.abs(tone - (low + high) / 2.0) <= 1.5 * (high - low)  # peaks further away belong to other modes
     near |= near.sum() < files.MIN_COUNT
     theirs, ours = resonance(given, sensor), resonance(Sweep(tone[near], curve[near]), sensor)
     if theirs.trouble:
-        instead = "the peak and its half-power width are given instead"
+        instead = "using the peak and its half-power width instead"
         log.warning("NO_CIRCLE", f"{measured.file}: {theirs.trouble}; {instead}")
     if not tone[0] <= theirs.peak_hz <= tone[-1]:
-        beyond = f"its peak at {frequency(theirs.peak_hz)} lies outside the response's band"
+        beyond = f"its peak at {frequency(theirs.peak_hz)} lies outside the band of the response"
         log.warning("PEAK_OUTSIDE", f"{measured.file}: {beyond}")
     shift, error = theirs.frequency_hz - ours.frequency_hz, response.expected_error
     scatter_hz = theirs.frequency_hz * ((theirs.circle and theirs.circle.frequency_error) or 0.0)
@@ -147,7 +148,7 @@ def _source(measured: MeasuredSweep | MeasuredField) -> dict[str, Any]:
 def _computed(
     case: Case, response: SolvedResponse, measured: MeasuredSweep, at_m: tuple[float, float] | None
 ) -> tuple[tuple[float, float] | None, ComplexArray]:
-    """What the measuring instrument would have shown of the computed plate, per volt, and at which point."""
+    """Compute the quantity that the instrument measures, per volt, and the point where it does."""
     tone = response.curve.frequency_hz
     if measured.quantity == "sensor":
         return None, response.curve.sensor_v_per_v[:, 0]
@@ -208,7 +209,7 @@ def _map(
 def _log_cover(measured: MeasuredField, weights: Weights, log: Log) -> None:
     for name, share in (("active", weights.active), ("passive", weights.passive)):
         if share is not None and share < COVERED:
-            part = f"covers {percentage(share)} of the {name} touch face: its rms is that of the part covered"
+            part = f"covers only {percentage(share)} of the {name} touch face; its rms is that of the covered part"
             log.warning("MAP_PARTIAL", f"{measured.file}: {part}")
 
 

@@ -1,12 +1,12 @@
-"""Measured sweeps and maps, as CSV and as universal files: the first error given with its line.
+"""Measured sweeps and maps from CSV and universal files; the first error is reported with its line.
 
-Lines that begin with # are comments, blank ones are skipped; the first other line names the columns. Commas, semicolons or
-tabs part them; beside semicolons and tabs a decimal comma is read. A value's column may begin with what it is (velocity_,
-displacement_, acceleration_, sensor_) and end in its unit, which may stand in brackets, too, or in a line of its own below the
-names. Lines "name: value" above the names, as vibrometers' text exports have them, are skipped.
+Lines that begin with # are comments, and blank lines are skipped; the first other line names the columns. Commas, semicolons
+or tabs separate them; with semicolons or tabs, numbers may have a decimal comma. A column name may begin with the quantity
+(velocity_, displacement_, acceleration_, sensor_) and end in its unit. The unit may also stand in brackets, or in a line of
+its own below the names. Lines "name: value" above the names, which vibrometers export, are skipped.
 
-Only motion along z, the plate's normal, is read: directions +3, and -3 with its sign turned; 0 says nothing and counts as +3.
-A file with several responses serves as a sweep by that of the node which moves most along z.
+Only motion along z, the plate's normal, is read: direction +3, or -3 with the sign reversed; 0 is unspecified and counts as
++3. From a file with several responses, a sweep uses that of the node with the largest motion along z.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from pipeline.quantity import KHZ, MM
 from solvers.control.identification import Sweep
 
 Quantity = Literal["velocity", "displacement", "sensor"]
-SYNTHETIC = "SYNTHETIC"  # the first word of the first comment of files that this program made
-MIN_COUNT = 8  # rows of a sweep: what a circle fit needs
+SYNTHETIC = "SYNTHETIC"  # first word of the first comment in files written by this program
+MIN_COUNT = 8  # rows of a sweep that a circle fit needs
 PLACES = {"x": {"x_mm": MM, "x_m": 1.0}, "y": {"y_mm": MM, "y_m": 1.0}}
 TONES = {"frequency": {"frequency_hz": 1.0, "frequency_khz": KHZ, "frequency_mhz": 1e6}}
 VALUE = re.compile(r"(?:(velocity|displacement|acceleration|sensor)_)?(amplitude|phase|real|imag)(?:_(\w+))?")
@@ -43,9 +43,9 @@ OF_UNIT = {"m/s": "velocity", "mm/s": "velocity", "um/s": "velocity", "m": "disp
 OF_UNIT |= {"um": "displacement", "nm": "displacement", "m/s²": "acceleration", "m/s^2": "acceleration", "v": "sensor"}
 PAIRS = (("real", "imag"), ("amplitude", "phase"))
 PAIRS_ALLOWED = "real with imag, or amplitude with phase_deg or phase_rad"
-LARGEST = 1e30  # of any number: what is measured of a plate, in whatever unit, lies far below; squares stay finite
+LARGEST = 1e30  # of any number: measurements lie far below in any unit, and squares stay finite
 LARGEST_DB = 600.0  # 20 log10 of it
-EDGE_M = 1e-6  # a point this far beyond the plate still lies on its edge
+EDGE_M = 1e-6  # a point this far beyond the plate still counts as on its edge
 SAME_M = 1e-9
 
 UNIVERSAL = (".uff", ".unv", ".bunv")
@@ -58,7 +58,7 @@ DIRECTIONS = {1: "x", 2: "y", 4: "rotation about x", 5: "rotation about y", 6: "
 
 @dataclass(frozen=True)
 class MeasuredSweep:
-    """A frequency response: frequencies in Hz, complex values in the file's unit; synthetic when this program made it."""
+    """A frequency response: frequencies in Hz, complex values in the file's unit; synthetic if this program wrote it."""
 
     file: str
     synthetic: bool
@@ -78,7 +78,7 @@ class MeasuredField:
 
 
 class _Table:
-    """Cells of a CSV file, which line each row stood in, and which column plays which role."""
+    """Cells of a CSV file, the line of each row, and the role of each column."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -88,7 +88,7 @@ class _Table:
         numbered = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
         numbered = [(n, line) for n, line in numbered if not line.lstrip().startswith("#")]
         if not numbered:
-            raise self.error("no columns: the first line that is no comment must name them")
+            raise self.error("no columns: the first line that is not a comment must name them")
         while len(numbered) > 1 and PREAMBLE.fullmatch(numbered[0][1].strip()):
             del numbered[0]
         self.head_line, head = numbered[0]
@@ -108,15 +108,15 @@ class _Table:
 
     @property
     def names_text(self) -> str:
-        """The columns that the file has."""
+        """Names of the file's columns."""
         return ", ".join(self.names)
 
     def name(self, role: str) -> str:
-        """The column that plays a role."""
+        """Name of the column with a role."""
         return self.names[self.roles[role]]
 
     def numbers(self, role: str, scales: dict[str, float] | None = None) -> FloatArray:
-        """A column's values, (rows,), times what its unit stands for; `scales` lists the names that the role may have."""
+        """Values of a column, (rows,), times the factor of its unit; `scales` lists the names that the role may have."""
         scale = 1.0
         if scales is not None:
             if role not in self.roles:
@@ -126,7 +126,7 @@ class _Table:
         return scale * np.array([self._number(row, role) for row in range(len(self.rows))])
 
     def error(self, text: str, row: int | None = None, role: str = "") -> InputError:
-        """One line: file, line, column, what came, what is allowed."""
+        """Return an error of one line: file, line, column, value, and what is allowed."""
         line = self.lines[row] if row is not None else getattr(self, "head_line", None)
         where = f"{self.path}: line {line}" if line is not None else str(self.path)
         if role:
@@ -138,7 +138,7 @@ class _Table:
         try:
             cells = next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True))
         except csv.Error as error:
-            raise self.error(f"a line of {len(line)} characters that is no CSV ({error})") from error
+            raise self.error(f"a line of {len(line)} characters is not valid CSV ({error})") from error
         return [cell.strip() for cell in cells]
 
     def _number(self, row: int, role: str) -> float:
@@ -165,10 +165,10 @@ class _Table:
 
 
 def read_sweep(path: str | Path) -> MeasuredSweep:
-    """A sweep with the columns frequency_Hz (or _kHz, _MHz) and real, imag or amplitude, phase_deg (or phase_rad).
+    """Read a sweep with the columns frequency_Hz (or _kHz, _MHz) and real, imag or amplitude, phase_deg (or phase_rad).
 
-    A universal file is known by its ending. InputError for what is no such file: one line with file, line, column and what is
-    allowed.
+    A universal file is recognised by its ending. Raises InputError for any other file: one line with file, line, column and
+    what is allowed.
     """
     if Path(path).suffix.lower() in UNIVERSAL:
         return _universal_sweep(Path(path))
@@ -186,16 +186,16 @@ def read_sweep(path: str | Path) -> MeasuredSweep:
     twice = np.flatnonzero(np.diff(tone[order]) == 0.0)
     if len(twice):
         first, second = sorted(order[twice[0] : twice[0] + 2])
-        raise table.error(f"stands in line {table.lines[first]} already: each frequency once", int(second), "frequency")
+        raise table.error(f"repeats the frequency of line {table.lines[first]}", int(second), "frequency")
     if len(tone) < MIN_COUNT:
         raise table.error(f"{len(tone)} frequencies: must be at least {MIN_COUNT}")
     return MeasuredSweep(str(path), table.synthetic, cast("Quantity", quantity), Sweep(tone[order], values[order]))
 
 
 def read_field(path: str | Path, design: Design) -> MeasuredField:
-    """A map with the columns x_mm, y_mm (or x_m, y_m; origin at the plate's centre) and values as in a sweep.
+    """Read a map with the columns x_mm, y_mm (or x_m, y_m; origin at the plate's centre) and values as in a sweep.
 
-    Universal files and InputError as read_sweep; points beyond the design's plate or given twice are refused, too.
+    Universal files and InputError as in `read_sweep`; points outside the plate and repeated points are rejected, too.
     """
     if Path(path).suffix.lower() in UNIVERSAL:
         return _universal_field(Path(path), design)
@@ -204,7 +204,7 @@ def read_field(path: str | Path, design: Design) -> MeasuredField:
     quantity, values = _values(table)
     if (
         quantity == "acceleration"
-    ):  # of one frequency: a displacement but for a factor, which no comparison of maps uses
+    ):  # at one frequency it is proportional to displacement, and comparisons of maps ignore the factor
         quantity, values = "displacement", -values
     for axis, half in enumerate((design.length_m / 2.0, design.half_span_m)):
         beyond = np.flatnonzero(np.abs(points[:, axis]) > half + EDGE_M)
@@ -216,12 +216,12 @@ def read_field(path: str | Path, design: Design) -> MeasuredField:
     again = np.flatnonzero(first[place.ravel()] != np.arange(len(points)))
     if len(again):
         row = int(again[0])
-        raise table.error(f"stands in line {table.lines[int(first[place.ravel()[row]])]} already", row, "x")
+        raise table.error(f"repeats the point of line {table.lines[int(first[place.ravel()[row]])]}", row, "x")
     return MeasuredField(str(path), table.synthetic, cast("Quantity", quantity), points, values)
 
 
 def _values(table: _Table) -> tuple[str, ComplexArray]:
-    """What the values are, and the values as complex numbers."""
+    """Return the quantity and its complex values."""
     for first, second in PAIRS:
         if first in table.roles and second in table.roles:
             break
@@ -241,7 +241,7 @@ def _values(table: _Table) -> tuple[str, ComplexArray]:
         values = _amplitude(table, one, units[0]) * np.exp(1j * _radians(table, two, units[1]))
     if not np.abs(values).max() > 1.0 / LARGEST:
         raise table.error(
-            f"columns {table.name(first)} and {table.name(second)}: every value is 0: nothing was measured"
+            f"columns {table.name(first)} and {table.name(second)}: every value is 0, must hold a measurement"
         )
     return kinds[0] or "velocity", values
 
@@ -275,7 +275,7 @@ def _is_unit(cell: str) -> bool:
 
 
 def _plain(name: str) -> str:
-    """A column's name, its quantity first and its unit last: Frequency (kHz) is frequency_kHz."""
+    """Normalise a column's name, with its quantity first and its unit last: Frequency (kHz) becomes frequency_kHz."""
     found = UNIT_IN_BRACKETS.fullmatch(name)
     if not found:
         return SYNONYMS.get(name.lower(), name)
@@ -299,7 +299,7 @@ def _role(name: str) -> str:
 
 
 def _spelled(text: str) -> str:
-    """Column names as people write their units: frequency_kHz."""
+    """Write the units in column names correctly: frequency_kHz."""
     return text.replace("_khz", "_kHz").replace("_mhz", "_MHz").replace("_hz", "_Hz")
 
 
@@ -316,7 +316,7 @@ def _text(path: Path) -> str:
 
 
 def _universal_sweep(path: Path) -> MeasuredSweep:
-    """The response of the file, or of its node that moves most. InputError for a file that holds none."""
+    """Read the response of the file, or of its node with the largest motion; InputError for a file without one."""
     responses, _ = _read(path)
     most = max(responses, key=lambda each: float(np.abs(each["data"]).max()))
     frequency, values = _curve(most, path)
@@ -324,35 +324,37 @@ def _universal_sweep(path: Path) -> MeasuredSweep:
 
 
 def _universal_field(path: Path, design: Design) -> MeasuredField:
-    """Every node's response at the frequency where all of them together move most.
+    """Read every node's response at the frequency of the largest total motion.
 
-    InputError for nodes without a place, beyond the design's plate, or without a response of their own.
+    Raises InputError for nodes without coordinates, outside the plate, or with several responses.
     """
     responses, places = _read(path)
     curves = [_curve(each, path) for each in responses]
     frequency = curves[0][0]
     if any(len(tones) != len(frequency) or not np.allclose(tones, frequency) for tones, _ in curves):
-        raise InputError(f"{path}: the responses have different frequencies: a map needs one list of them")
+        raise InputError(f"{path}: the responses have different frequencies: must be the same for a map")
     values = np.stack([curve for _, curve in curves])
     nodes = [int(each["rsp_node"]) for each in responses]
     faults = [
-        f"{path}: node {node} has a response and no place (dataset 15 or 2411)" for node in nodes if node not in places
+        f"{path}: node {node} has a response but no coordinates: must be in dataset 15 or 2411"
+        for node in nodes
+        if node not in places
     ]
     if faults or len(set(nodes)) < len(nodes):
-        raise InputError(faults or f"{path}: a node has several responses: a map needs one each")
+        raise InputError(faults or f"{path}: a node has several responses: must have one each for a map")
     points = np.array([places[node] for node in nodes])
     beyond = np.abs(points) > np.array([design.length_m / 2.0, design.half_span_m]) + EDGE_M
     if beyond.any():
         node = nodes[int(np.flatnonzero(beyond.any(axis=1))[0])]
         raise InputError(
-            f"{path}: node {node} lies beyond the plate: coordinates count from its centre, in the file's unit (164)"
+            f"{path}: node {node} lies outside the plate: coordinates must start at its centre, in the file's unit (164)"
         )
     peak = int(np.argmax((np.abs(values) ** 2).sum(axis=0)))
     return MeasuredField(str(path), False, _quantity(responses[0], path), points, values[:, peak])
 
 
 def _read(path: Path) -> tuple[list[dict[str, Any]], dict[int, FloatArray]]:
-    """Frequency responses, and the places (x, y) of nodes in m."""
+    """Read the frequency responses, and the coordinates (x, y) of nodes in m."""
     import pyuff
 
     read_by_command(path)
@@ -360,23 +362,23 @@ def _read(path: Path) -> tuple[list[dict[str, Any]], dict[int, FloatArray]]:
         raise InputError(f"{path}: no such file: must be a universal file")
     try:
         sets = pyuff.UFF(str(path)).read_sets()
-    except Exception as fault:  # pyuff raises whatever a line makes it trip over
-        raise InputError(f"{path}: no universal file that can be read ({fault})") from fault
+    except Exception as fault:  # pyuff raises many types of exception for malformed lines
+        raise InputError(f"{path}: cannot be read ({fault}): must be a universal file") from fault
     listed = sets if isinstance(sets, list) else [sets]
     responses = [each for each in listed if each.get("type") == 58 and each.get("func_type") == FREQUENCY_RESPONSE]
     if not responses:
         raise InputError(
-            f"{path}: holds no frequency response: must have a dataset 58 of function type {FREQUENCY_RESPONSE}"
+            f"{path}: contains no frequency response: must have a dataset 58 of function type {FREQUENCY_RESPONSE}"
         )
     normal = [each for each in responses if _direction(each) in NORMAL]
     if not normal:
         there = ", ".join(sorted({DIRECTIONS.get(abs(_direction(each)), "unknown") for each in responses}))
         raise InputError(
-            f"{path}: responses along {there} alone: must have some along z, the plate's normal (record 6)"
+            f"{path}: has responses along {there} only: must have some along z, the plate's normal (record 6)"
         )
     length = next((float(each["length"]) for each in listed if each.get("type") == 164), 1.0)
     if not 0.0 < length < np.inf:
-        raise InputError(f"{path}: dataset 164: a length factor of {length:g}: must be above 0")
+        raise InputError(f"{path}: dataset 164: length factor {length:g}: must be above 0")
     places: dict[int, FloatArray] = {}
     for each in listed:
         if each.get("type") in (15, 2411):
@@ -393,7 +395,7 @@ def _direction(response: dict[str, Any]) -> int:
 
 
 def _curve(response: dict[str, Any], path: Path) -> tuple[FloatArray, ComplexArray]:
-    """Frequencies above 0 and complex values along z; an acceleration's displacement."""
+    """Return frequencies above 0 and complex values along z; accelerations become displacements."""
     frequency, values = np.asarray(response["x"], dtype=float), np.asarray(response["data"], dtype=complex)
     above = frequency > 0.0
     if above.sum() < MIN_COUNT:

@@ -1,4 +1,4 @@
-"""Parts of an answer about what was measured: resonances of a sweep and of the model in its place, and a map's figures."""
+"""Parts of a comparison with measurements: measured and computed resonances, and the figures of a map."""
 
 from __future__ import annotations
 
@@ -8,59 +8,58 @@ from typing import Any
 from pipeline import quantity
 from pipeline.records.part import Part, column
 
-SCATTER = "by the scatter of the points about their circle, two standard deviations"
+SCATTER = "two standard deviations of the scatter of the points around their circle"
 
 
 class ResonanceRecord(Part):
-    """A resonance as identified from a sweep; the circle's, or the highest point and half-power width without a circle."""
+    """Resonance identified from a sweep: from a circle fit, or from the highest point and half-power width."""
 
     peak_hz: float | None = column("frequency of the highest point", "Hz", error="frequency_error", default=None)
     frequency_hz: float = column("frequency", "Hz", error="frequency_error")
-    quality_factor: float | None = column("quality factor; None where it cannot be read", error="quality_error")
+    quality_factor: float | None = column("quality factor; None if it cannot be read", error="quality_error")
     frequency_error: float | None = column(
-        f"half-width of the error bar of frequency_hz, relative: of a measured one {SCATTER}, of the computed one the model's; "
+        f"relative error bar of frequency_hz: if measured, {SCATTER}; if computed, that of the model; "
         "None without an estimate",
         default=None,
     )
     quality_error: float | None = column(
-        f"half-width of the error bar of quality_factor, {SCATTER}; None without a circle, and of the computed one, where the "
-        "peaks of the response have it",
+        f"error bar of quality_factor: {SCATTER}; None without a circle, and for the computed resonance, whose error bar is "
+        "given with the peaks of the response",
         default=None,
     )
-    quality_factor_half_power: float | None = column("quality factor by the half-power width", default=None)
+    quality_factor_half_power: float | None = column("quality factor from the half-power width", default=None)
     circle: dict[str, Any] | None = column(
-        "the mode as fitted to the circle, the delay between drive and sensor taken out: frequency_hz, tau_s, quality_factor, "
-        "gain, delay_s, background, circle (centre, radius, misfit) and fitted_hz; None where there is none"
+        "mode fitted to the circle after removing the delay between drive and sensor: frequency_hz, tau_s, quality_factor, "
+        "gain, delay_s, background, circle (centre, radius, misfit) and fitted_hz; None without one"
     )
-    no_circle: str | None = column("why there is no circle; None with one", default=None)
+    no_circle: str | None = column("reason why there is no circle; None with one", default=None)
 
 
 class ComputedResonance(ResonanceRecord):
-    """The computed resonance where the measuring instrument points."""
+    """Computed resonance at the measured point."""
 
-    point_mm: list[float] | None = column("where a laser stands; None of a sensor", "mm", default=None)
+    point_mm: list[float] | None = column("point of the laser; None for a sensor", "mm", default=None)
 
 
 class MeasuredSweepRecord(ResonanceRecord):
-    """A measured sweep beside the computed response, where the measuring instrument points."""
+    """Measured sweep compared with the computed response at the same point."""
 
-    file: str = column("the file that was read")
-    synthetic: bool = column("whether the file says that its data were made up")
+    file: str = column("file that was read")
+    synthetic: bool = column("whether the file declares its data synthetic")
     quantity: str = column("velocity, displacement or sensor", default="")
-    points: int | None = column("frequencies in the file", default=None)
-    band_hz: list[float] | None = column("the first and the last of them", "Hz", default=None)
-    frequency_shift_hz: float = column("measured less computed frequency", "Hz", error="frequency_shift_error_hz")
+    points: int | None = column("number of frequencies in the file", default=None)
+    band_hz: list[float] | None = column("first and last frequency", "Hz", default=None)
+    frequency_shift_hz: float = column("measured minus computed frequency", "Hz", error="frequency_shift_error_hz")
     frequency_shift: float = column("frequency_shift_hz over the computed frequency")
-    computed: ComputedResonance = column("the computed resonance")
+    computed: ComputedResonance = column("computed resonance")
     frequency_shift_error_hz: float | None = column(
-        "half-width of the error bar of frequency_shift_hz, Hz, by the model's and by the scatter of the points; None without "
-        "the model's",
+        "error bar of frequency_shift_hz, Hz, from the model and the scatter of the points; None without that of the model",
         default=None,
     )
 
     @property
     def shift_text(self) -> str:
-        """The shift in Hz and in percent with the digits that its bar allows."""
+        """Write the shift in Hz and in per cent with the digits that its error allows."""
         half, own = self.frequency_shift_error_hz, self.computed.frequency_hz
         moved = quantity.with_bar(self.frequency_shift_hz, half, "Hz")
         part = quantity.percentage(self.frequency_shift_hz / own, None if half is None else half / own)
@@ -71,69 +70,67 @@ class MeasuredSweepRecord(ResonanceRecord):
         ours, error = self.computed, self.computed.frequency_error
         pairs = [(each.quality_factor, each.quality_error) for each in (self, ours)]
         losses = " against ".join("none" if each[0] is None else quantity.with_bar(*each) for each in pairs)
-        bar = (
-            "the model's error is not known" if error is None else f"the model may be off by {quantity.percent(error)}"
-        )
+        bar = f"error of the model: {'unknown' if error is None else quantity.percent(error)}"
         return (
             f"{self.file}{marked(self)}: resonance at "
             f"{quantity.frequency_with_bar(self.frequency_hz, self.frequency_error)}, "
-            f"computed {quantity.frequency(ours.frequency_hz, error)}: shift {self.shift_text}, {bar}; "
+            f"computed {quantity.frequency(ours.frequency_hz, error)}, shift {self.shift_text} ({bar}); "
             f"quality factor {losses} computed"
         )
 
 
 class ComputedMap(Part):
-    """The computed field at the peak, at the measured points."""
+    """Computed field at the peak, sampled at the measured points."""
 
-    frequency_hz: float = column("the peak's frequency; its bar is that of the peak", "Hz")
-    confinement_db: float | None = column("confinement at that peak; its bar is that of the peak", "dB")
+    frequency_hz: float = column("frequency of the peak, with the peak's error bar", "Hz")
+    confinement_db: float | None = column("confinement at the peak, with the peak's error bar", "dB")
     mac: float = column("modal assurance criterion with the target shape, at the measured points")
     confinement_at_points_db: float | None = column("confinement at the measured points; a map has no error bar", "dB")
     zone_share_at_points: float | None = column("zone share at the measured points")
 
 
 class MeasuredMapRecord(Part):
-    """A measured map of the touch face beside the computed operating shape."""
+    """Measured map of the touch face compared with the computed operating deflection shape."""
 
-    file: str = column("the file that was read")
-    synthetic: bool = column("whether the file says that its data were made up")
+    file: str = column("file that was read")
+    synthetic: bool = column("whether the file declares its data synthetic")
     quantity: str = column("velocity, displacement or none")
-    points: int = column("points in the file")
+    points: int = column("number of points in the file")
     covered_active: float = column("share of the active touch face that the points cover")
     covered_passive: float | None = column("share of the passive touch face that the points cover")
     zone_share: float | None = column("zone share of the measured motion")
     confinement_db: float | None = column(
-        "rms of the measured motion on the active touch face over that on the passive one, None without one; without an error "
-        "bar: a map does not tell its noise",
+        "rms of the measured motion on the active touch face over that on the passive one, None without one; it has no error "
+        "bar, since the noise of a map is unknown",
         "dB",
     )
-    confined: bool | None = column("whether that is confined; None without a passive face")
+    confined: bool | None = column("whether the measured motion is confined; None without a passive face")
     mac: float = column("modal assurance criterion of the measured motion with the target shape")
     mac_operating: float = column("correlation of the measured map and the computed operating deflection shape, 0 to 1")
-    computed: ComputedMap = column("the computed field")
+    computed: ComputedMap = column("computed field")
 
     def line(self, frequency_error: float | None) -> str:
-        """Return the map's figures in words."""
+        """Return the figures of the map in words."""
         summary, seen = "no passive face", self.computed.confinement_at_points_db
         if self.confinement_db is not None:
             summary = f"confinement {quantity.level(self.confinement_db)}"
-        beside = "" if seen is None else f" (computed {quantity.level(seen)} at the same points)"
+        computed = "" if seen is None else f" (computed {quantity.level(seen)} at the same points)"
         tone = quantity.frequency(self.computed.frequency_hz, frequency_error)
         return (
-            f"{self.file}{marked(self)}: {self.points} points, {summary}{beside}, "
-            f"MAC {quantity.figure(self.mac_operating)} to the operating deflection shape at {tone}, "
-            f"{quantity.figure(self.mac)} to the target mode"
+            f"{self.file}{marked(self)}: {self.points} points, {summary}{computed}, "
+            f"MAC {quantity.figure(self.mac_operating)} with the operating deflection shape at {tone}, "
+            f"{quantity.figure(self.mac)} with the target shape"
         )
 
 
 class MeasuredRecord(Part):
-    """What was measured beside the response."""
+    """Measurements compared with the response."""
 
-    sweep: MeasuredSweepRecord | None = column("the sweep; None without one")
-    map: MeasuredMapRecord | None = column("the map of the touch face; None without one")
+    sweep: MeasuredSweepRecord | None = column("measured sweep; None without one")
+    map: MeasuredMapRecord | None = column("measured map of the touch face; None without one")
 
     def lines(self, frequency_error: float | None) -> Iterator[str]:
-        """Yield a line for each; the half-width of the bar of the computed frequencies, relative."""
+        """Yield one line for each; frequency_error: relative error of the computed frequencies."""
         if self.sweep:
             yield self.sweep.line()
         if self.map:
@@ -141,5 +138,5 @@ class MeasuredRecord(Part):
 
 
 def marked(record: MeasuredSweepRecord | MeasuredMapRecord) -> str:
-    """Return the mark of data that were made up."""
+    """Return the mark of synthetic data."""
     return " (synthetic)" if record.synthetic else ""

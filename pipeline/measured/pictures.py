@@ -1,4 +1,4 @@
-"""Measured beside computed: both sweeps over frequency, the resonance's circle, both fields on the touch face."""
+"""Pictures of measurement and computation: both sweeps over frequency, the circle fit, both fields on the touch face."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from pipeline.quantity import KHZ, MM, frequency, level
 from pipeline.quantity import figure as figure_text
 from pipeline.records.record import DesignRecord
 
-SQUARE = 0.6  # width over length of a plate from which on two fit beside each other
-AROUND = 10.0  # half-power widths about both resonances that are shown
+SQUARE = 0.6  # width over length of a plate above which two of them fit side by side
+AROUND = 10.0  # half-power widths shown around both resonances
 
 
 def report_figure(record: MeasuredRecord, arrays: Mapping[str, Any], design: DesignRecord) -> ReportFigure:
-    """What was measured and what was computed, whichever of sweep and map is there."""
-    beside = flat_height_in(design, 1.0) > SQUARE
-    field_in = flat_height_in(design, style.WIDTH_IN * (0.36 if beside else 0.8)) + 0.8
-    heights = [2.6] * bool(record.sweep) + [field_in * (1 if beside else 2)] * bool(record.map)
+    """Draw measured and computed sweeps and maps, as far as they exist."""
+    abreast = flat_height_in(design, 1.0) > SQUARE
+    field_in = flat_height_in(design, style.WIDTH_IN * (0.36 if abreast else 0.8)) + 0.8
+    heights = [2.6] * bool(record.sweep) + [field_in * (1 if abreast else 2)] * bool(record.map)
     figure = style.new_figure(style.WIDTH_IN, sum(heights))
     rows = list(figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0])
     if record.sweep:
         _sweep(rows.pop(0), record.sweep, arrays)
     if record.map:
-        panels = rows[0].subplots(*((1, 2) if beside else (2, 1)))
+        panels = rows[0].subplots(*((1, 2) if abreast else (2, 1)))
         _fields(rows[0], list(panels), record.map, arrays, design)
-    return ReportFigure("measured", "Measured beside computed", _alt(record), figure)
+    return ReportFigure("measured", "Measured and computed", _alt(record), figure)
 
 
 def _sweep(figure: Any, record: MeasuredSweepRecord, arrays: Mapping[str, Any]) -> None:
@@ -47,7 +47,7 @@ def _sweep(figure: Any, record: MeasuredSweepRecord, arrays: Mapping[str, Any]) 
         curve.axvline(about.frequency_hz / KHZ, color=colour, ls=":", lw=0.8)
     title = f"Shift {record.shift_text}"
     window = [edge / KHZ for edge in _shown_hz(record)]
-    curve.set(xlim=window, xlabel="frequency (kHz)", ylabel="amplitude over its own peak", title=title)
+    curve.set(xlim=window, xlabel="frequency (kHz)", ylabel="amplitude relative to its peak", title=title)
     curve.set_ylim(bottom=5e-3)
     curve.grid(True)
     curve.legend(fontsize=8)
@@ -55,7 +55,7 @@ def _sweep(figure: Any, record: MeasuredSweepRecord, arrays: Mapping[str, Any]) 
 
 
 def _shown_hz(record: MeasuredSweepRecord) -> tuple[float, float]:
-    """A window that holds both resonances, within what was measured or computed."""
+    """Return a frequency window around both resonances."""
     both = [record, record.computed]
     width = max(one.frequency_hz / (one.quality_factor or 100.0) for one in both)
     tones = [one.frequency_hz for one in both]
@@ -76,7 +76,7 @@ def _circle(axes: Any, record: MeasuredSweepRecord, arrays: Mapping[str, Any]) -
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(True)
     quality_factor = "none" if record.quality_factor is None else figure_text(record.quality_factor)
-    axes.set(xlabel="real, over the peak", ylabel="imaginary", title=f"Quality factor {quality_factor}")
+    axes.set(xlabel="real part relative to the peak", ylabel="imaginary part", title=f"Quality factor {quality_factor}")
 
 
 def _fields(
@@ -93,11 +93,11 @@ def _fields(
         draw_outlines(axes, design)
         frame_plate(axes, design)
         axes.set_title(title)
-    figure.colorbar(image, ax=panels, shrink=0.8, pad=0.01, label="over its largest")
+    figure.colorbar(image, ax=panels, shrink=0.8, pad=0.01, label="relative to the largest value")
 
 
 def _painted(axes: Any, xy: Any, values: Any) -> Any:
-    """A smooth field between the points; the bare points where they span no area."""
+    """Draw a smooth field between the points, or the points alone if they span no area."""
     look: dict[str, Any] = {"cmap": style.SIGNED, "vmin": -1, "vmax": 1, "rasterized": True}
     if len(xy) > 3 and np.linalg.matrix_rank(xy - xy.mean(axis=0), tol=1e-6) == 2:
         return axes.tripcolor(xy[:, 0], xy[:, 1], values, shading="gouraud", **look)
@@ -115,7 +115,7 @@ def _alt(record: MeasuredRecord) -> str:
             "" if sweep.quality_factor is None else f", with a quality factor of {figure_text(sweep.quality_factor)}"
         )
         said.append(
-            f"The measured resonance{marked(sweep)} lies at {frequency(sweep.frequency_hz, sweep.frequency_error)}, "
+            f"The measured resonance{marked(sweep)} is at {frequency(sweep.frequency_hz, sweep.frequency_error)}, "
             f"{sweep.shift_text} from the computed one{quality_factor}"
         )
     if field := record.map:

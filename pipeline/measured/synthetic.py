@@ -1,6 +1,6 @@
-"""Files such as a vibrometer would write, made from a computed response with seeded noise and marked as synthetic.
+"""Synthetic vibrometer files, made from a computed response with seeded noise and marked as synthetic.
 
-The plate that is "measured" is the case with what --set changes: compared with the case itself, it has a shift to be found.
+The "measured" plate is the case with the changes of --set: compared with the case itself, it shows a shift.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from pipeline.records.outputs import folder, write_file
 from solvers.piezo.responses import loudest_point, point_response
 
 SWEEP, FIELD = "sweep.csv", "field.csv"
-TONES, REACH = 241, 8.0  # frequencies, over so many half-power widths on each side of the peak
-SPACING_M = 2 * MM  # of the map's points, or an eighth of the zone's width where that is less
+TONES, REACH = 241, 8.0  # number of frequencies, and half-power widths on each side of the peak
+SPACING_M = 2 * MM  # of the map's points, or an eighth of the zone's width if that is less
 NOISE = 0.01  # of the peak, rms per point
 
 
 def write(
     case: Case, response: SolvedResponse, place: Path, made_by: str, seed: int, noise: float = NOISE
 ) -> list[Path]:
-    """Write sweep.csv and field.csv into a folder, made by a command. InputError when it cannot be written."""
+    """Write sweep.csv and field.csv, with the command in their header, into a folder; InputError if it cannot be written."""
     random = np.random.default_rng(seed)
     head = f"# {SYNTHETIC}, not measured: made by {made_by}\n"
     texts = {SWEEP: _sweep(case, response, noise, random), FIELD: _field(case, response, noise, random)}
@@ -45,7 +45,7 @@ def _scattered(values: ComplexArray, noise: float, random: np.random.Generator) 
 
 
 def _sweep(case: Case, response: SolvedResponse, noise: float, random: np.random.Generator) -> str:
-    """Velocity per volt where the zone moves most, amplitude and phase."""
+    """Write velocity per volt where the zone moves most, as amplitude and phase."""
     tone = tones(case, response.peak.frequency_hz)
     place = loudest_point(response.forced, response.peak.frequency_hz, case.design.width_m / 2.0)
     seen = _scattered(2j * pi * tone * point_response(response.forced, place, tone), noise, random)
@@ -56,7 +56,7 @@ def _sweep(case: Case, response: SolvedResponse, noise: float, random: np.random
 
 
 def _field(case: Case, response: SolvedResponse, noise: float, random: np.random.Generator) -> str:
-    """Velocity per volt over the touch face at the peak, real and imaginary."""
+    """Write velocity per volt over the touch face at the peak, as real and imaginary parts."""
     peak = response.peak.frequency_hz
     points = grid(case.design)
     seen = _scattered(2j * pi * peak * operating_field(response, points), noise, random)
@@ -67,13 +67,13 @@ def _field(case: Case, response: SolvedResponse, noise: float, random: np.random
 
 
 def tones(case: Case, peak_hz: float) -> FloatArray:
-    """Frequencies about a peak, evenly spaced, in Hz."""
+    """Evenly spaced frequencies around a peak, Hz."""
     reach = REACH * peak_hz / case.quality_factor / 2.0
     return np.linspace(peak_hz - reach, peak_hz + reach, TONES)
 
 
 def grid(design: Design) -> FloatArray:
-    """Middles of equal cells over the touch face, (n, 2) in m; none of them lies across the zone's border."""
+    """Centres of equal cells over the touch face, (n, 2) in m; no cell crosses the zone's border."""
     step = min(SPACING_M, design.width_m / 8.0)
     border, edge = design.width_m / 2.0, design.half_span_m
     x = _middles(-design.length_m / 2.0, design.length_m / 2.0, step)

@@ -1,4 +1,4 @@
-"""Decay per row across the zone's border: complex bands at the target wavenumber, and what the case's rows let through."""
+"""Decay per row across the zone's border: complex bands at the target wavenumber, and the transmission of the case's rows."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from solvers.threads import one_thread
 from solvers.waves.branches import label_of
 from solvers.waves.complex_bands import KeptRow, Row, RowStiffness, RowWaves, chain
 
-# a row: beyond, the cell's boundary polynomials do not resolve the wave, and nobody could measure it
+# per row: above it, the cell's boundary polynomials do not resolve the wave, and no measurement could
 STEEPEST_DB = 100.0
 ROUNDING_DB = 1e-6
-# change of a wavenumber, relative to it or one a pitch, that boundary functions of one degree less may bring
+# largest change of a wavenumber, relative to it or to 1/pitch, with boundary functions of one degree less
 CARRIED = 0.01
 
 
@@ -48,15 +48,15 @@ def solve(
     choice
         Model and mesh of the cell.
     log
-        Where progress goes.
+        Receives the progress.
     band_hz, points
-        The frequencies, spread evenly.
+        Range and number of the evenly spaced frequencies.
     kx
         Wavenumber along the zone, rad/m.
     meshes
-        To which the cell's meshes are added.
+        Receives the meshes of the cell.
     model
-        The reduced cell of the case's bands, where there is one already.
+        Reduced cell of the case's bands, if there is one already.
     """
     (low, high), rows = band_hz, case.design.rows
     own: list[MeshRecord] = []
@@ -85,7 +85,7 @@ def solve(
 
 @dataclass(frozen=True)
 class _Cells:
-    """A row, the same with one degree less along its sides, the plate beside it, and relative errors of the row's bands."""
+    """A row, its copy with one degree less along the sides, the plate beside the row, and relative errors of its bands."""
 
     name: str
     row: Periodic
@@ -98,7 +98,7 @@ class _Cells:
 def _in_line(
     case: Case, choice: ModelChoice, log: Log, high_hz: float, meshes: list[MeshRecord], model: LatticeModel | None
 ) -> _Cells:
-    """The cell that the bands use, reduced once for both; a cell of low bands alone leaves out too much."""
+    """Cell of the bands, reduced once for both uses, or again if its cut-off is too low for these frequencies."""
     if model is None or model.lattice.cell.dropped_hz < CLEAR * high_hz:
         corners = case.path(1).corners
         model = lattice_model(case, choice, corners, log, meshes, high_hz=high_hz)
@@ -108,7 +108,7 @@ def _in_line(
 
 
 def _staggered(case: Case, choice: ModelChoice, log: Log, high_hz: float) -> _Cells:
-    """A row of staggered ones, which is reduced for the bands in the same way."""
+    """Row of a staggered array, reduced like that of the bands."""
     assert choice.reduction
     reduction = replace(choice.reduction, top_hz=max(choice.reduction.top_hz, CLEAR * high_hz))
     path = case.path(1)
@@ -118,7 +118,7 @@ def _staggered(case: Case, choice: ModelChoice, log: Log, high_hz: float) -> _Ce
 
 
 def _coarser(row: Periodic) -> Periodic:
-    """The same row with boundary functions of one degree less along its sides."""
+    """Row with boundary functions of one degree less along its sides."""
     face = row.cells[0].interface
     lower = Interface(max(face.along - 1, 1), face.through)
     return Periodic([ReducedLattice(cell).up_to(lower, cell.dropped_hz).cell for cell in row.cells], row.shift)
@@ -128,23 +128,22 @@ _last: list[KeptRow] = []
 
 
 def _kept(row: KeptRow) -> KeptRow:
-    """The last case's row where that is the same, with its waves: a study's cases of one pitch ask for the same ones."""
+    """Row of the last case with its waves, if it is the same: cases of one pitch in a study share it."""
     if not (_last and _last[0].same == row.same):
         _last[:] = [row]
     return _last[0]
 
 
 def carried(waves: RowWaves, fewer: RowWaves) -> BoolArray:
-    """Which waves the boundary functions carry, (n,): those that pass, and those that decay alike with fewer functions.
+    """Mask of the waves that the boundary functions resolve, (n,): those that propagate, or decay equally with fewer functions.
 
-    Steep waves that come from the functions themselves move with their degree. A wave of the coarser row stands for one only.
+    Spurious steep waves of the functions themselves move with their degree. Each wave of the coarser row confirms one wave.
     """
     ours, theirs = waves.wavenumber_per_m, fewer.wavenumber_per_m
-    off, turn = ours[:, None] - theirs, 2.0 * pi / waves.pitch_m  # wavenumbers a reciprocal one apart are the same
+    off, turn = ours[:, None] - theirs, 2.0 * pi / waves.pitch_m  # wavenumbers 2 pi/pitch apart are the same
     off = off - turn * np.round(off.real / turn)
-    squares = (
-        np.abs(off * (2.0 * ours[:, None] - off)) / 2.0
-    )  # half the change of k^2, smooth where a band begins at k = 0
+    # half the change of k^2, smooth where a band begins at k = 0
+    squares = np.abs(off * (2.0 * ours[:, None] - off)) / 2.0
     apart = squares / np.maximum(np.abs(ours), 1.0 / waves.pitch_m)[:, None] ** 2
     out, free = waves.db_per_row <= ROUNDING_DB, np.ones(len(theirs), dtype=bool)
     for one, other in zip(*np.unravel_index(np.argsort(apart, axis=None, kind="stable"), apart.shape), strict=True):
@@ -167,7 +166,7 @@ def _through(one: RowStiffness, bare: Row, rows: int, frequency_hz: float) -> Tr
 
 
 def _with_bars(row: Row, coarser: Row, samples: list[AttenuationPoint], error: float | None) -> list[AttenuationPoint]:
-    """The points with the half-widths of their decays' bars, where bands of the cell may be off by `error`, relative."""
+    """Add the error of each decay for a relative `error` of the cell's bands."""
     tones, decays = np.array([[p.frequency_hz, nan if p.db_per_row is None else p.db_per_row] for p in samples]).T
     bars = level_bars(tones, decays, error, lambda tone: _least(_waves(row, coarser, tone, row.waves(tone))))
     return [
@@ -177,7 +176,7 @@ def _with_bars(row: Row, coarser: Row, samples: list[AttenuationPoint], error: f
 
 
 def _with_bar(wave: Wave, least: float | None, bar: float | None) -> Wave:
-    """The least attenuated flexural wave with its decay's bar; no other has one."""
+    """Add the error of the decay to the least attenuated flexural wave; the others have none."""
     is_least = wave.polarisation == "flexural" and wave.db_per_row == least
     return replace(wave, db_error=bar) if is_least else wave
 
@@ -185,7 +184,7 @@ def _with_bar(wave: Wave, least: float | None, bar: float | None) -> Wave:
 def _with_taken(
     row: Row, bare: Row, rows: int, samples: list[AttenuationPoint], error: float | None
 ) -> list[AttenuationPoint]:
-    """The points with the half-widths of the bars of what the rows take from a flexural wave's power."""
+    """Add the error of the power that a flexural wave loses at the rows."""
 
     def taken(tone: float) -> float | None:
         shares = _through(row.waves(tone).stiffness, bare, rows, tone)
@@ -201,7 +200,7 @@ def _least(waves: Iterable[Wave]) -> float | None:
 
 
 def _waves(row: Row, coarser: Row, frequency_hz: float, row_waves: RowWaves) -> list[Wave]:
-    """The waves that the boundary functions carry, up to the steepest decay."""
+    """Waves that the boundary functions resolve, up to the steepest decay."""
     known = carried(row_waves, coarser.waves(frequency_hz))
     return _described(row, row_waves, np.flatnonzero((row_waves.db_per_row <= STEEPEST_DB) & known))
 
@@ -224,21 +223,21 @@ def _log_converted(
     error: float | None,
     log: Log,
 ) -> None:
-    """Say how much of a flexural wave's power passes as in-plane waves at most, its bar by the relative one of frequencies."""
+    """Log the largest share of a flexural wave's power that passes as in-plane waves, with its error bar."""
     known = [(_converted(p.transmission), p.frequency_hz) for p in points if p.transmission]
     if not known:
         return
     most, tone = max(known)
     if most < 1e-9:
         log.info(
-            f"at kx = {kx:g} rad/m shear and longitudinal waves of the plate decay: nothing is converted into them"
+            f"in-plane conversion: none, since the plate's shear and longitudinal waves decay at kx = {kx:g} rad/m"
         )
         return
     ends = [] if error is None else [through(tone * (1.0 + sign * error)) for sign in (-1.0, 1.0)]
     moved = [abs(_converted(each) - most) for each in ends if each]
     bar = max(moved) if len(moved) == 2 else None
     share = with_bar(100.0 * most, None if bar is None else 100.0 * bar, "%")
-    log.info(f"at most {share} of an incoming flexural wave's power passes as in-plane waves, at {frequency(tone)}")
+    log.info(f"in-plane conversion: at most {share} of an incoming flexural wave's power, at {frequency(tone)}")
 
 
 def _converted(shares: Transmission) -> float:

@@ -19,7 +19,7 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import mesh_record
 from pipeline.models.unit_cell import Bar, LatticeModel, WholeCell, lattice_model
-from pipeline.planning import foresight, refinement, simplifications
+from pipeline.planning import refinement, resource_estimate, simplifications
 from pipeline.planning.mesh_rules import refinement_of
 from pipeline.planning.model_choice import SOLID, ModelChoice
 from pipeline.planning.refinement import (
@@ -30,7 +30,7 @@ from pipeline.planning.refinement import (
     refine_reduction,
     step_by_step,
 )
-from pipeline.planning.resources import Demand
+from pipeline.planning.resources import ResourceEstimate
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
 from solvers.accuracy.mesh import largest
@@ -66,7 +66,7 @@ def edge_error(frequency_hz: FloatArray, error: FloatArray, edge_hz: float, sign
     Parameters
     ----------
     frequency_hz, error : ndarray, shape (n,)
-        The band in Hz and the relative half-widths of its bars; NaN where unknown.
+        The band in Hz and its relative errors; NaN where unknown.
     edge_hz : float
         The extreme, which may lie between two of the wavevectors.
     sign : int
@@ -75,7 +75,7 @@ def edge_error(frequency_hz: FloatArray, error: FloatArray, edge_hz: float, sign
     Returns
     -------
     float or None
-        Relative half-width of the edge's bar; None where one of the bars is unknown.
+        Relative error of the edge; None if one of the errors is unknown.
     """
     if not len(error) or np.isnan(error).any() or edge_hz <= 0.0:
         return None
@@ -85,7 +85,7 @@ def edge_error(frequency_hz: FloatArray, error: FloatArray, edge_hz: float, sign
 
 
 def gap_errors(gap: Gap, frequencies_hz: FloatArray, errors: FloatArray) -> dict[str, float | None]:
-    """Return `lower_error` and `upper_error` of a gap of bands (wavevectors, bands) with their bars, relative."""
+    """Return `lower_error` and `upper_error` of a gap from the bands and their relative errors, (wavevectors, bands)."""
     lower, upper = gap.lower_band - 1, gap.upper_band - 1
     return {
         "lower_error": edge_error(frequencies_hz[:, lower], errors[:, lower], gap.lower_hz, 1),
@@ -94,13 +94,13 @@ def gap_errors(gap: Gap, frequencies_hz: FloatArray, errors: FloatArray) -> dict
 
 
 def nearest_error(frequencies_hz: FloatArray, errors: FloatArray, edge_hz: float) -> float | None:
-    """Relative half-width of the bar of the frequency nearest to an edge, over all bands (wavevectors, bands)."""
+    """Relative error of the frequency nearest to an edge, over all bands (wavevectors, bands)."""
     error = float(errors.flat[np.argmin(np.abs(frequencies_hz - edge_hz))])
     return None if np.isnan(error) else error
 
 
 def widest(path: Path, by_mesh: FloatArray, truncated: FloatArray) -> WidestBar:
-    """Find the widest bar of the bands (wavevectors, bands) along a path."""
+    """Find the largest error bar of the bands (wavevectors, bands) along a path."""
     total = by_mesh + truncated
     if not total.size or np.isnan(total).any():
         return WidestBar(None)
@@ -111,7 +111,7 @@ def widest(path: Path, by_mesh: FloatArray, truncated: FloatArray) -> WidestBar:
 
 
 def with_edges(gaps: Sequence[Any], path: Path, frequencies_hz: FloatArray, errors: FloatArray) -> list[dict[str, Any]]:
-    """The fields of gaps with the bars of their edges: of their bands, else of the frequency nearest to an edge."""
+    """Fields of gaps with the errors of their edges: those of their bands, else of the frequency nearest to an edge."""
     return [vars(gap) | _edges(gap, path, frequencies_hz, errors) for gap in gaps]
 
 
@@ -128,17 +128,18 @@ def _edges(gap: Any, path: Path, frequencies_hz: FloatArray, errors: FloatArray)
 
 SampledCell = WholeCell | Periodic
 Solve = Callable[[FloatArray, int], tuple[FloatArray, ModeErrors]]
-MOVED = 1e-6  # relative: an edge of the zone's gap that lies off the path
-MAX_RAISES = 4  # of a reduction's degrees, at most
+MOVED = 1e-6  # relative change that shows that an edge of the zone's gap lies off the path
+MAX_RAISES = 4  # most increases of a reduction's degrees
 MAX_POINTS = 500
 MAX_BANDS = 12
 
 
 @dataclass(frozen=True)
 class Detail:
-    """What the reduced cell gives beside frequencies: one row a wavevector, one column a band.
+    """Results of the reduced cell other than frequencies: one row per wavevector, one column per band.
 
-    labels and parity as lists of rows, branch (n, bands) from 1, velocity (n, bands, 2) in m/s (NaN for still waves).
+    labels and parity are lists of rows, branch (n, bands) counts from 1, velocity (n, bands, 2) is in m/s (NaN for still
+    waves).
     """
 
     labels: list[list[Label]]
@@ -150,7 +151,7 @@ class Detail:
     reduction_error: float
 
     def point(self, index: int) -> dict[str, Any]:
-        """The fields of one wavevector."""
+        """Return the fields of one wavevector."""
         return {
             "polarisation": [label.name for label in self.labels[index]],
             "plate_polarisation": [label.plate for label in self.labels[index]],
@@ -161,17 +162,17 @@ class Detail:
 
     @property
     def gaps(self) -> dict[str, Any]:
-        """The gaps of some waves alone, by their kind, where they were looked for."""
+        """Partial gaps by their kind, if they were searched."""
         found = {"directional_gaps": self.directional_gaps, "polarisation_gaps": self.polarisation_gaps}
         return {kind: gaps for kind, gaps in found.items() if gaps is not None}
 
 
 @dataclass(frozen=True)
 class SolvedBands:
-    """Frequencies (wavevectors, bands) in Hz along a path, complete gaps, and what computed them.
+    """Frequencies (wavevectors, bands) in Hz along a path, complete gaps, and the model that gives them.
 
-    mesh_errors: what the mesh may put each frequency off by, (wavevectors, bands); truncated: how far truncation may put it too
-    high, relative, of the same shape; 0 for a cell that is not reduced.
+    mesh_errors: discretisation error of each frequency, (wavevectors, bands); truncated: relative overestimate due to
+    truncation, of the same shape; 0 for a cell that is not reduced.
     """
 
     model: str
@@ -184,27 +185,27 @@ class SolvedBands:
     zone_gaps: list[BrillouinZoneGap] | None = None
     shapes: dict[str, Any] = field(default_factory=dict)
     expected_error: float | None = None
-    lattice: LatticeModel | None = None  # where the cell was reduced
+    lattice: LatticeModel | None = None  # of a reduced cell
     mesh_errors: MeshErrors | None = None
     truncated: FloatArray | float = 0.0
 
     @property
     def by_mesh(self) -> FloatArray:
-        """Half-width of each frequency's bar by the mesh, relative, (wavevectors, bands); NaN where nothing tells it."""
+        """Relative discretisation error of each frequency, (wavevectors, bands); NaN without an estimate."""
         return self.mesh_errors.half_width if self.mesh_errors else np.full(self.frequencies_hz.shape, np.nan)
 
     @property
     def error(self) -> FloatArray:
-        """Half-width of each frequency's bar by mesh and truncation, relative; NaN where there is no estimate."""
+        """Relative error of each frequency from discretisation and truncation; NaN without an estimate."""
         return self.by_mesh + self.truncated
 
     @property
     def computed_hz(self) -> FloatArray:
-        """Frequencies of the finest mesh itself, before the share that a coarser one tells was taken away, Hz."""
+        """Frequencies on the finest mesh, Hz, before the correction."""
         return self.frequencies_hz * (1.0 + self.mesh_errors.taken) if self.mesh_errors else self.frequencies_hz
 
     def point(self, index: int) -> dict[str, Any]:
-        """Return what is known of the waves at one wavevector, by name."""
+        """Return the fields of the waves at one wavevector by name."""
         own = {"label": self.path.labels[index], "kx_per_m": self.path.wavevectors[index, 0]}
         own |= {"ky_per_m": self.path.wavevectors[index, 1], "frequencies_hz": self.frequencies_hz[index]}
         own |= {"computed_hz": self.computed_hz[index], "error": self.error[index]}
@@ -212,7 +213,7 @@ class SolvedBands:
 
     @property
     def every_gap(self) -> dict[str, list[dict[str, Any]]]:
-        """Return the fields of all gaps with their edges' bars, by the kind of gap."""
+        """Return the fields of all gaps, with the errors of their edges, by the kind of gap."""
         found: dict[str, Sequence[Any]] = {"gaps": self.gaps} | (self.detail.gaps if self.detail else {})
         if self.zone_gaps is not None:
             found["zone_gaps"] = self.zone_gaps
@@ -220,7 +221,7 @@ class SolvedBands:
 
     @property
     def widest_bar(self) -> WidestBar:
-        """The widest bar of all bands along the path."""
+        """Largest error bar of all bands along the path."""
         truncated = np.broadcast_to(self.truncated, self.frequencies_hz.shape)
         return widest(self.path, self.by_mesh, truncated)
 
@@ -233,7 +234,7 @@ def _pair(pair: FloatArray) -> list[float] | None:
 def solve_bands(
     case: Case, choice: ModelChoice, log: Log, *, shapes: bool = False, every_gap: bool = True
 ) -> SolvedBands:
-    """Compute all bands of the case at every wavevector of its path, and where asked the waves' shapes for a page.
+    """Compute all bands of the case at every wavevector of its path, and on request the waves' shapes for a page.
 
     Parameters
     ----------
@@ -242,11 +243,11 @@ def solve_bands(
     choice
         Model and mesh of the cell.
     log
-        Where progress goes.
+        Receives the progress.
     shapes
-        Whether to keep the waves' shapes at the path's corners.
+        Whether to keep the waves' shapes at the corners of the path.
     every_gap
-        Whether to look for gaps of one direction or one polarisation alone, too.
+        Whether to search partial gaps, too: those of one direction or one polarisation.
     """
     design, settings = case.design, case.bands
     path = case.path(settings.points)
@@ -257,8 +258,8 @@ def solve_bands(
     if bands.gaps and not (simplifications.off_path(design, settings.path, settings.grid) or settings.grid):
         log.warning(
             "PATH",
-            f"{settings.path} does not bound this cell's irreducible Brillouin zone: a gap may close off the path; "
-            "bands.grid = 20 looks there",
+            f"{settings.path} does not bound this cell's irreducible Brillouin zone, so a gap may close off the path: "
+            "set bands.grid = 20 to search there",
         )
     refinement.log_mesh_error(choice, case, log, largest(bands.by_mesh))
     log.info(bands.widest_bar.text())
@@ -277,9 +278,10 @@ def _solver(cell: SampledCell) -> Solve:
 
 
 def sampled_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple[ModelChoice, SampledCell, Bar]:
-    """The meshed cell, or that of staggered rows, with the first reduction and on the first mesh whose bars at the path's
-    corners meet the accuracy, or on the finest that memory holds; with the half-widths of those bars, by the mesh (None:
-    unknown) and by truncation, relative.
+    """Choose and build the meshed cell, or the reduced cell of staggered rows.
+
+    It has the first reduction and the first mesh whose errors at the corners of the path meet the accuracy, or the finest
+    that fits into memory. Returns it with its relative discretisation error (None if unknown) and truncation error.
     """
     design, count = case.design, case.bands.count
 
@@ -292,15 +294,15 @@ def sampled_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple
             assert choice.hexahedra
             with log.step("assemble the cell and two coarser ones"):
                 cell = WholeCell.of(design, choice.hexahedra)
-        with log.step("errors at the path's corners"):
+        with log.step("errors at the corners of the path"):
             return cell, _each_once(path.corners, count, _solver(cell))[1]
 
-    def demand(choice: ModelChoice) -> Demand:
-        return foresight.of_bands(case, choice, len(path.wavevectors))
+    def demand(choice: ModelChoice) -> ResourceEstimate:
+        return resource_estimate.of_bands(case, choice, len(path.wavevectors))
 
     def deeper(choice: ModelChoice, built: tuple[SampledCell, list[ModeErrors]], _: int) -> ModelChoice | None:
         finer = refine_reduction(choice, _worst(built[1]), case, log, "a band")
-        return finer if finer and foresight.fits(demand(finer), log) else None
+        return finer if finer and resource_estimate.fits(demand(finer), log) else None
 
     first = step_by_step((choice, solved(choice)), deeper, solved, MAX_RAISES, log)
     choice, (cell, errors) = on_finer_meshes(first, lambda built: _widest(built[1]), solved, demand, case, log)
@@ -308,13 +310,13 @@ def sampled_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple
 
 
 def _worst(errors: list[ModeErrors]) -> ErrorEstimate:
-    """What truncations may put any of the waves off by, each at most."""
+    """Largest truncation errors of any wave, source by source."""
     parts = (max(float(getattr(each, name).max()) for each in errors) for name in ("modes", "degrees", "through"))
     return ErrorEstimate(max(float(each.total.max()) for each in errors), *parts)
 
 
 def _widest(errors: list[ModeErrors]) -> Bar:
-    """Half-widths of the waves' bars at most, by the mesh and by truncation."""
+    """Largest discretisation and truncation errors of the waves."""
     truncated = MARGIN * max(float(each.total.max()) for each in errors)
     return largest(np.concatenate([each.mesh for each in errors])), truncated
 
@@ -323,7 +325,7 @@ def _sampled(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBan
     """Solve a cell that gives frequencies only; gaps are searched between the samples, too."""
     choice, cell, _ = sampled_cell(case, choice, path, log)
     meshes = [mesh_record("cell", cell.mesh)] if isinstance(cell, WholeCell) else []
-    log.left_out("polarisation, branches and group velocity", "this cell gives frequencies only")
+    log.left_out("polarisation, branches and group velocity", "this model of the cell gives frequencies only")
     with log.step(f"{len(path.wavevectors)} wavevectors"):
         rows, estimates = _each_once(path.wavevectors, case.bands.count, _solver(cell))
     frequencies = partial(cell.frequencies, count=case.bands.count)
@@ -389,7 +391,7 @@ def _detail(
     model: LatticeModel, branches: Branches, labels: list[list[Label]], factor: int, count: int,
     along_segments: list[DirectionalGap] | None, polarised: list[PolarisationGap] | None, reduction_error: float,
 ) -> Detail:  # fmt: skip
-    """Labels, parity, branches and group velocities at the wavevectors asked for."""
+    """Labels, parity, branches and group velocities at the requested wavevectors."""
     mirrors, waves = Mirrors(model.lattice.cell), branches.waves[::factor]
     parity = []
     for each in waves:
@@ -404,9 +406,7 @@ def _detail(
 def _over_the_zone(
     case: Case, model: LatticeModel, solved: Solved, gaps: list[Gap], log: Log
 ) -> list[BrillouinZoneGap]:
-    """Search the path's gaps over the whole irreducible Brillouin zone, from a grid and from the path's extreme
-    points.
-    """
+    """Search the path's gaps over the whole irreducible Brillouin zone, from a grid and the extreme points of the path."""
     names = {*case.design.cell_mirrors} & {*Mirrors(model.lattice.cell).names}
     grid = case.design.lattice.grid(case.bands.grid, names)
     with log.step(f"grid of {len(grid)} wavevectors"):
@@ -423,7 +423,7 @@ def _log_zone(along: list[Gap], zone: list[BrillouinZoneGap], log: Log) -> None:
         name = f"the gap between bands {gap.lower_band} and {gap.upper_band}"
         whole = left.get(gap.lower_band)
         if whole is None:
-            log.warning("ZONE", f"{name} is open along the path only: waves off the path fill it")
+            log.warning("ZONE", f"{name} is open along the path only: waves off the path close it")
             continue
         for edge, path_hz, hz, at in (
             ("lower", gap.lower_hz, whole.lower_hz, whole.lower_at),
@@ -437,7 +437,7 @@ def _log_zone(along: list[Gap], zone: list[BrillouinZoneGap], log: Log) -> None:
                     f"along the path {frequency(path_hz, MOVED)}",
                 )
     if along and not _moved(along, zone):
-        log.info("every gap along the path is one of the whole zone, with the same edges")
+        log.info("every gap along the path holds in the whole Brillouin zone, with the same edges")
 
 
 def _moved(along: list[Gap], zone: list[BrillouinZoneGap]) -> bool:
@@ -453,7 +453,7 @@ def _moved(along: list[Gap], zone: list[BrillouinZoneGap]) -> bool:
 def wave_shapes(lattice: ReducedLattice, path: Path, count: int) -> dict[str, Any]:
     """bands_* arrays: points (p, 3) in m, quads or triangles, labels (l,), u (l, bands, 2, p, 3): real and imaginary part.
 
-    Each wave is scaled to a largest component of 1 and turned so that this one is real; half precision, for showing only.
+    Each wave is scaled to a largest component of 1 and rotated in phase so that it is real; half precision, for display only.
     """
     skin = lattice.cell.skin
     assert skin.facets is not None

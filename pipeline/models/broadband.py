@@ -1,4 +1,4 @@
-"""How wide a band the rows hold: what passes them, and how far a driven zone stays confined, over frequency."""
+"""Bandwidth of the rows: their transmission, and the confinement of a driven zone, over frequency."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def broadband(
     accuracy: float | None = None,
     with_bars: bool = True,
 ) -> dict[str, Any]:
-    """Columns of `BroadbandResult` by name: one column of the case's cells at the target wavenumber, over frequency.
+    """Solve one column of the case's cells at the target wavenumber over frequency; columns of `BroadbandResult` by name.
 
-    InputError for a case without zone, pillar or rows, and for a model or mesh other than reduced hexahedra.
+    Raises InputError for a case without zone, pillar or rows, and for any model other than reduced hexahedra.
     """
     design = checked(case)
     low, high = driven_band_hz(case, band_hz)
@@ -93,25 +93,25 @@ def broadband(
 def end_errors(
     points: Sequence[BroadbandPoint], error: float | None, ends_hz: Sequence[float]
 ) -> tuple[float | None, float | None]:
-    """Return the relative half-widths of the bars of an interval's ends: half a step, and the column's bar."""
+    """Return the relative errors of an interval's ends: half a step plus the error of the column."""
     step = (points[-1].frequency_hz - points[0].frequency_hz) / max(len(points) - 1, 1)
     low, high = (None if error is None else error + step / (2.0 * end) for end in ends_hz)
     return low, high
 
 
 def checked(case: Case) -> Design:
-    """The design of a case whose rows stop a band. InputError as broadband."""
+    """Return the design of a case whose rows stop a band; InputError like `broadband`."""
     case.require("plate", "zone", "pillar", "array.pitch_mm", "array.rows", command="broadband")
     case.require_plate(command="broadband")
     design = case.design
     said = []
     if not design.rows:
-        said.append("array.rows = 0: must be 1 or more, a bare plate holds nothing back")
+        said.append("array.rows = 0: must be 1 or more, a bare plate stops no waves")
     if case.solve.model not in ("auto", "superelement"):
         said.append(f"solve.model = {case.solve.model!r}: must be auto or superelement for broadband")
     if not hexahedra(case, "plate"):
         said.append(
-            "broadband takes pillars that hexahedra follow, with room about their feet, and solve.mesh auto or hex"
+            "broadband needs pillars that hexahedra can follow, with room around their feet, and solve.mesh auto or hex"
         )
     if said:
         raise InputError(f"{case.source or case.name}: {text}" for text in said)
@@ -121,7 +121,7 @@ def checked(case: Case) -> Design:
 
 
 def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log) -> tuple[Column, list[Row], Row, int]:
-    """The column, its rows in a plate without end, the bare plate beside them, and the elements' order."""
+    """Build the column, its rows in an infinite plate, the bare plate next to them; returns them with the element order."""
     top_hz = max(high_hz, mesh_rules.target_window_hz(design)[1])
     reduction = mesh_rules.plate_reduction(design, accuracy, top_hz)
     reductions = Reductions(design.stack, design.pillar, reduction, CellCache())
@@ -138,15 +138,16 @@ def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log)
         panel = reductions.cell(lattice_panel(replace(design, pillar=None), count))
         bare = Row(Periodic([panel] * count), kx)
     log.info(
-        f"{len(column.placed_cells)} cells across half the plate, {column.dof} degrees of freedom: {reductions.fresh} new"
+        f"column: {len(column.placed_cells)} cells across half the plate, {column.dof} degrees of freedom; "
+        f"{reductions.fresh} reduced, the others loaded from the cache"
     )
     return column, rows, bare, reduction.hexahedra.order
 
 
 def _attached(strip: tuple[Panel, ...]) -> list[Panel]:
-    """The panels of a row at the plate's edge as they stand in a plate that goes on, as far beyond the feet as before them.
+    """Panels of a row at the plate's edge, extended to a continuing plate symmetrically about the feet.
 
-    Which part of the plate a row's panel holds does not matter to what passes the row.
+    The transmission of a row does not depend on how much bare plate its panels include.
     """
     feet = next(panel for panel in strip if panel.free)
     assert feet.foot
@@ -166,9 +167,7 @@ def wavevectors(row: Row, waves: RowWaves, kept: IntArray) -> ComplexArray:
 
 
 def transmitted_shares(stack: RowStiffness, bare: Row, frequency_hz: float) -> Transmission | None:
-    """Shares of the incoming flexural wave's power by polarisation; None where the bare plate carries no such wave at
-    this kx.
-    """
+    """Shares of the incoming flexural wave's power by polarisation; None if the bare plate has no such wave at this kx."""
     half = bare.waves(frequency_hz)
     going = np.flatnonzero(half.flux > 0.0)
     if not len(going):
@@ -185,20 +184,20 @@ def transmitted_shares(stack: RowStiffness, bare: Row, frequency_hz: float) -> T
 
 
 def _mode_bars(driven: Driven) -> FloatArray:
-    """Relative half-widths (k,) of the bars of the column's modes by mesh and truncation; NaN where unknown."""
+    """Relative errors (k,) of the column's modes from discretisation and truncation; NaN where unknown."""
     errors = driven.errors()
     return np.asarray(errors.mesh + MARGIN * errors.total)
 
 
 def _widest(frequency_hz: FloatArray, errors: FloatArray, low_hz: float, high_hz: float) -> float | None:
-    """The widest bar of the modes in a band and of its neighbours on either side, relative; None where one is unknown."""
+    """Largest relative error of the modes in a band and of its neighbours on either side; None if one is unknown."""
     first, last = np.searchsorted(frequency_hz, [low_hz, high_hz])
     near = errors[max(int(first) - 1, 0) : int(last) + 1]
     return float(near.max()) if len(near) and np.isfinite(near).all() else None
 
 
 def _level_bars(driven: Driven, errors: FloatArray, points: int) -> list[float | None]:
-    """Half-widths in dB of the bars of the forced motion's levels; None where nothing tells them."""
+    """Errors of the forced motion's levels, dB; None without an estimate."""
     mixed = calibration.mixing()
     if mixed is None or np.isnan(errors).any():
         return [None] * points
@@ -212,7 +211,7 @@ def _taken_db(rows: Sequence[Row], bare: Row, frequency_hz: float) -> float | No
 
 
 def _target(driven: Driven, errors: FloatArray, window_hz: Stretch) -> tuple[float | None, ...]:
-    """Frequency and confinement of the target mode among the column's, found as `antinode search` does, and both bars."""
+    """Frequency and confinement of the column's target mode, found as in `antinode search`, and both errors."""
     tones, level, share = driven.modes.frequency_hz, driven.modes.confinement, calibration.mixing()
     inside = np.flatnonzero((tones >= window_hz[0]) & (tones <= window_hz[1]))
     at = verdict(level.strength[inside], level.zone_share[inside], level.mac[inside]).index
@@ -225,7 +224,7 @@ def _target(driven: Driven, errors: FloatArray, window_hz: Stretch) -> tuple[flo
 
 
 def stretches(frequency_hz: FloatArray, level_db: FloatArray, least_db: float = CONFINED_DB) -> list[Stretch]:
-    """Intervals in which a level is at least `least_db`, their ends between two points interpolated, Hz."""
+    """Intervals in which a level is at least `least_db`, Hz; their ends are interpolated between points."""
     stretches: list[Stretch] = []
     level = np.nan_to_num(level_db, nan=-1e3, posinf=1e3)
     for (start, stop), (left, right) in zip(pairwise(frequency_hz.tolist()), pairwise(level.tolist()), strict=True):
@@ -242,5 +241,5 @@ def stretches(frequency_hz: FloatArray, level_db: FloatArray, least_db: float = 
 
 
 def _about(confined: list[Stretch], frequency_hz: float | None) -> Stretch | None:
-    """The interval that holds a frequency."""
+    """Interval that contains a frequency, or None."""
     return next((each for each in confined if frequency_hz and each[0] <= frequency_hz <= each[1]), None)

@@ -1,6 +1,6 @@
-"""What can be computed again, kept on disk: reduced cells, families of cells, the compliance of plates under patches.
+"""Disk cache of reduced cells, families of cells and the compliance of plates under patches.
 
-Each file carries a digest of its name and its whole content, checked before it is read.
+Each file carries a digest of its name and its whole content, which is checked before the file is used.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ from pipeline.records import store
 from solvers.superelement.cell import Cell
 from solvers.variation.cells import CellFamily, nodes_of
 
-MAX_BYTES = 1_000_000_000  # of all cells: a sweep of six pitches makes half of it, and would meet its own no more
+MAX_BYTES = (
+    1_000_000_000  # of all cells: a sweep of six pitches writes half of it; a smaller cache would drop cells it reuses
+)
 OWN = ("reach_m", "stiffness_changes", "mass_changes", "stiffness_missed", "mass_missed")
 MARK = b"antinode cache 1\n"
 SUFFIX = ".kept"
@@ -35,15 +37,15 @@ DIGEST_BYTES = hashlib.sha256().digest_size
 class Cache:
     """A folder of files by name.
 
-    A file that is torn, damaged in any bit, renamed or written by another program counts as absent. Nothing is raised where the
-    folder cannot be read or written: what is absent is computed.
+    A file that is incomplete, damaged, renamed or written by another program counts as absent. If the folder cannot be read
+    or written, nothing is raised: absent content is computed.
 
     Parameters
     ----------
     folder : Path
-        Where the files lie; made when the first one is written.
+        Folder of the files, created with the first one.
     max_bytes : int, optional
-        Size of all files together, B; beyond it the longest unused ones are removed. None: no limit.
+        Limit on the total size, B; beyond it the least recently used files are removed. None: no limit.
     """
 
     def __init__(self, folder: Path, max_bytes: int | None = None) -> None:
@@ -60,11 +62,11 @@ class Cache:
         if sealed[: len(MARK) + DIGEST_BYTES] != _seal(name, content):
             return None
         with contextlib.suppress(OSError):
-            os.utime(path)  # the last to be removed
+            os.utime(path)  # marks it as the most recently used
         return bytes(content)
 
     def write(self, name: str, content: bytes) -> None:
-        """Keep a content under a name; where the folder cannot be written it is computed again next time."""
+        """Keep a content under a name; if the folder cannot be written, it is computed again next time."""
         path = self._path(name)
         with contextlib.suppress(OSError):
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -73,7 +75,7 @@ class Cache:
             self._make_room(path)
 
     def _make_room(self, newest: Path) -> None:
-        """Remove the files longest unused until the rest fits, never the one just kept."""
+        """Remove the least recently used files until the rest fits, but never the newest."""
         if self.max_bytes is None:
             return
         kept = sorted(((path.stat(), path) for path in self._files()), key=lambda pair: pair[0].st_mtime)
@@ -86,7 +88,7 @@ class Cache:
                 total -= stat.st_size
 
     def _files(self) -> list[Path]:
-        """Files of this cache and of what earlier versions kept here."""
+        """Files of this cache, including those of earlier versions."""
         return [path for path in self.folder.iterdir() if path.suffix in (SUFFIX, ".npz")]
 
     def _path(self, name: str) -> Path:
@@ -105,7 +107,7 @@ def _salt() -> str:
 
 
 class ArrayCache(Cache):
-    """A folder of arrays under the hash of what they answer and of the computing sources."""
+    """A folder of arrays under the hash of their question and of the computing sources."""
 
     def __init__(self, folder: Path = RESULTS / ".cells", max_bytes: int | None = MAX_BYTES) -> None:
         super().__init__(folder, max_bytes)
@@ -119,7 +121,7 @@ class ArrayCache(Cache):
             return {name: file[name] for name in file.files}
 
     def keep(self, key: str, flat: Mapping[str, Any]) -> None:
-        """Keep arrays; where the disk is full they are computed again in the next run."""
+        """Keep arrays; if the disk is full, they are computed again in the next run."""
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **flat)
         self.write(self._name(key), buffer.getvalue())
@@ -129,7 +131,7 @@ class ArrayCache(Cache):
 
 
 class CellCache(ArrayCache):
-    """Reduced cells, a file each."""
+    """Reduced cells, one per file."""
 
     def get(self, key: str) -> Cell | None:
         """Return the cell kept under this key by the same code, or None."""
@@ -142,7 +144,7 @@ class CellCache(ArrayCache):
 
 
 def packed(value: Any, name: str = "") -> dict[str, Any]:
-    """What a dataclass holds, its own dataclasses and tuples of them included, by dotted names; nothing for None."""
+    """Flatten a dataclass with its nested dataclasses and tuples of them by dotted names; None gives nothing."""
     if is_dataclass(value):
         parts = {field.name: getattr(value, field.name) for field in fields(value)}
     elif isinstance(value, tuple) and value and is_dataclass(value[0]):
@@ -153,7 +155,7 @@ def packed(value: Any, name: str = "") -> dict[str, Any]:
 
 
 def unpacked(kind: Any, flat: dict[str, Any]) -> Any:
-    """What `packed` made of a dataclass of this kind; parts that are not there keep their defaults."""
+    """Rebuild a dataclass of this kind from the result of `packed`; missing parts keep their defaults."""
     if "" in flat:
         value = flat[""]
         return tuple(value.tolist()) if get_origin(kind) is tuple else value.item() if value.ndim == 0 else value
@@ -169,12 +171,12 @@ def unpacked(kind: Any, flat: dict[str, Any]) -> Any:
 
 
 def triangles(matrices: FloatArray) -> FloatArray:
-    """The upper triangles (..., n (n + 1) / 2) of symmetric matrices (..., n, n)."""
+    """Upper triangles (..., n (n + 1) / 2) of symmetric matrices (..., n, n)."""
     return matrices[..., *np.triu_indices(matrices.shape[-1])]
 
 
 def symmetric(upper: FloatArray) -> FloatArray:
-    """The symmetric matrices (..., n, n) of upper triangles, in double precision."""
+    """Symmetric matrices (..., n, n) of upper triangles, in double precision."""
     size = isqrt(2 * upper.shape[-1])
     rows, columns = np.triu_indices(size)
     matrices = np.empty((*upper.shape[:-1], size, size))
@@ -183,7 +185,7 @@ def symmetric(upper: FloatArray) -> FloatArray:
 
 
 class MatrixCache(ArrayCache):
-    """Symmetric matrices, a file each."""
+    """Symmetric matrices, one per file."""
 
     def get(self, key: str) -> FloatArray | None:
         """Return the matrix kept under this key by the same code, or None."""
@@ -196,7 +198,7 @@ class MatrixCache(ArrayCache):
 
 
 class ParametricCellCache(ArrayCache):
-    """Families of cells, a file each."""
+    """Families of cells, one per file."""
 
     def get(self, key: str) -> CellFamily | None:
         """Return the family kept under this key by the same code, or None."""

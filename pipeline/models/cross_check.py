@@ -1,4 +1,4 @@
-"""The target mode of a plate meshed whole by tetrahedra, compared with the one of the structured mesh."""
+"""Target mode of a plate meshed whole with tetrahedra, compared with that of the structured mesh."""
 
 from __future__ import annotations
 
@@ -15,34 +15,35 @@ from pipeline.quantity import frequency, level, percent, percentage, signed
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
 
-BELOW = 0.002  # before anything is taken from them tetrahedra lie above the truth: what is looked for below it
+BELOW = 0.002  # search margin below the structured frequency; uncorrected tetrahedra lie above the exact one
 Compared = tuple[list[MeshRecord], dict[str, FloatArray], dict[str, Any]]
 
 
 def excess(across: float) -> float:
-    """How far tetrahedra so many across a plate may lie above the truth, relative: as calibrated for one, falling squared."""
+    """Largest relative overestimate with `across` tetrahedra through a plate: calibrated for one, it falls as 1/across^2."""
     return (calibration.by_tetrahedra("plate", 1.0) or 0.0) / across**2
 
 
 def compared(case: Case, own: modes.PartModes, structured: ModeRow, bar: float, log: Log) -> Compared:
-    """Return meshes, tet_* arrays and figures of the target mode by tetrahedra; no figures where it was not found.
+    """Return meshes, tet_* arrays and figures of the target mode with tetrahedra; no figures if it was not found.
 
     Parameters
     ----------
     case
         The case.
     own, structured
-        The plate's modes by the structured mesh, and the target mode among them.
+        The plate's modes on the structured mesh, and the target mode among them.
     bar
-        Half-width of its error bar, relative.
+        Its error, relative.
     log
-        Where the verdict goes.
+        Receives the verdict.
     """
     part_modes = _by_tetrahedra(case, structured, bar, log)
     row = part_modes.target_row
     if row is None:
         log.warning(
-            "NO_MODE", "the tetrahedral plate has no mode of the target shape near the structured one's frequency"
+            "NO_MODE",
+            "the plate of tetrahedra has no mode of the target shape near the frequency from the structured mesh",
         )
         return part_modes.meshes, {}, {}
     own_bar = _own_bar(part_modes)
@@ -50,9 +51,9 @@ def compared(case: Case, own: modes.PartModes, structured: ModeRow, bar: float, 
     mixing = modes.level_bars_db(case, own, bar + own_bar)[0]
     if mixing is not None and row.confinement_db is not None:
         log.info(
-            f"its confinement by tetrahedra {level(row.confinement_db, mixing)}, structured "
-            f"{level(structured.confinement_db, structured.confinement_error_db)}: "
-            f"neighbours that such an error of the frequency mixes into the mode may move it by {level(mixing, mixing)}"
+            f"confinement of the target mode: {level(row.confinement_db, mixing)} with tetrahedra, "
+            f"{level(structured.confinement_db, structured.confinement_error_db)} on the structured mesh; frequency errors "
+            f"that mix neighbouring modes allow a difference of {level(mixing, mixing)}"
         )
     figures = {
         "model": part_modes.model.name,
@@ -81,7 +82,7 @@ def compared(case: Case, own: modes.PartModes, structured: ModeRow, bar: float, 
 
 
 def _by_tetrahedra(case: Case, structured: ModeRow, bar: float, log: Log) -> modes.PartModes:
-    """The modes of the plate meshed whole about the target mode's frequency, as far as it takes to find it."""
+    """Solve the plate meshed whole around the target mode's frequency, in a window just wide enough to find the mode."""
     tone, accuracy = structured.frequency_hz, max(PLATE_ACCURACY, case.solve.accuracy)
     coarse = replace(case, solve=case.solve.but(mesh="tet", model="solid", accuracy=accuracy))
     request = modes.Request(
@@ -95,21 +96,20 @@ def _by_tetrahedra(case: Case, structured: ModeRow, bar: float, log: Log) -> mod
 
 
 def _own_bar(part_modes: modes.PartModes) -> float:
-    """What the tetrahedra's own stresses tell that the frequency may be off by; all that such a mesh may where they do not."""
+    """Error of the frequency from stress recovery, or else the largest error of such a mesh, relative."""
     row = part_modes.target_row
     return excess(PLATE_TETRAHEDRA) if row is None or row.error is None else row.error
 
 
 def _agrees(tet_hz: float, hex_hz: float, bar: float, own: float, log: Log) -> bool:
-    """Whether the two frequencies lie within both bars."""
+    """Whether the two frequencies agree within both error bars."""
     both, difference = bar + own, tet_hz / hex_hz - 1.0
-    log.info(f"target mode by tetrahedra {frequency(tet_hz, own)}, structured {frequency(hex_hz, bar)}")
+    log.info(f"target mode: {frequency(tet_hz, own)} with tetrahedra, {frequency(hex_hz, bar)} on the structured mesh")
     if abs(difference) <= both:
         return True
     log.warning(
         "CROSS_CHECK",
-        f"the target mode by tetrahedra, {frequency(tet_hz, own)}, lies {signed(percentage(difference, both))} from the "
-        f"structured mesh's, {frequency(hex_hz, bar)}: "
-        f"their bars allow {percent(both)}",
+        f"the target mode with tetrahedra, {frequency(tet_hz, own)}, differs by {signed(percentage(difference, both))} from "
+        f"that on the structured mesh, {frequency(hex_hz, bar)}; their error bars allow {percent(both)}",
     )
     return False

@@ -1,6 +1,6 @@
-"""The forced response of a case's plate to its patches, and of several zones, each driven in turn.
+"""Forced response of a case's plate to its patches, and of several zones, each driven in turn.
 
-Curves over frequency have bars, and so have a peak's quality factor and its level over the passive face.
+Curves over frequency have error bars, as do the quality factor of a peak and its level over the passive face.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.models.answer_parts import DrivenZone
 from pipeline.models.cell_cache import ArrayCache, MatrixCache
-from pipeline.planning import driven_demand, foresight, mesh_rules, simplifications
+from pipeline.planning import driven_demand, mesh_rules, resource_estimate, simplifications
 from pipeline.planning.model_choice import ModelChoice, driven_band_hz, model_choice_of, response_high_hz
 from pipeline.planning.refinement import WidestBar
-from pipeline.planning.resources import Demand
+from pipeline.planning.resources import ResourceEstimate
 from pipeline.quantity import MM, figure, frequency
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
@@ -63,18 +63,18 @@ from solvers.piezo.responses import (
 from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
 
-FOLLOWS = 0.2  # of its own lowest resonance: below it motion inside a patch adds at most 4 % to what follows statically
+FOLLOWS = 0.2  # of its own lowest resonance: below it, motion inside a patch adds at most 4 % to the static deflection
 GRID = 160
-DECAYED = 4.0  # half-power widths to both sides of a peak: where its quality factor is read
-AROUND_PEAK = 65  # points over them, and more at the peak
-FIRST_ORDER = 0.05  # of a change: what its second order may add where the plate is not computed again
+DECAYED = 4.0  # half-power widths on either side of a peak: range for reading its quality factor
+AROUND_PEAK = 65  # points over this range, and more at the peak
+FIRST_ORDER = 0.05  # of a change: largest second-order part for which the plate is not computed again
 
 
 @dataclass(frozen=True)
 class SolvedResponse:
-    """The response curve, the target mode's peak (None where the band has none), the highest peak, and the plate behind them.
+    """Response curve, peak of the target mode (None if the band has none), highest peak, and the plate that gives them.
 
-    widest_bar is that of the frequencies in the band.
+    widest_bar: the largest error bar of the frequencies in the band.
     """
 
     forced: ForcedPlate
@@ -85,12 +85,12 @@ class SolvedResponse:
 
     @property
     def expected_error(self) -> float | None:
-        """The largest half-width of a frequency's bar in the band, relative: mesh, reduction and bonding together."""
+        """Largest relative error of a frequency in the band: mesh, reduction and bonding together."""
         return self.widest_bar.error
 
     @property
     def peak(self) -> Peak:
-        """The target mode's peak; the highest one where there is none."""
+        """Peak of the target mode, or the highest peak if there is none."""
         return self.target or self.highest
 
 
@@ -99,20 +99,21 @@ def forced_plate(
     case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[MeshRecord] | None = None,
     is_announced: bool = False, choice: ModelChoice | None = None,
 ) -> ForcedPlate:  # fmt: skip
-    """Bond the patches and prepare the forced response over a band (default: the case's); meshes are added to
-    `meshes`. is_announced: the plate is one of several, whose demand was told as a whole; choice: that of a plan, announced.
+    """Bond the patches and prepare the forced response over a band (default: the case's).
 
-    InputError for a model that cannot carry patches; raises what its solvers raise.
+    meshes: receives the meshes; is_announced: the plate is one of several, whose resource estimate was logged as a whole;
+    choice: model and mesh of a plan that was logged. InputError for a model that cannot carry patches, and the exceptions of
+    the solvers.
     """
     band = driven_band_hz(case, band_hz)
     refuse_patches(case, band)
     if not is_announced and choice is None:
-        foresight.announce("the forced response", _demand(case, band), log)
+        resource_estimate.log_estimate("the forced response", _demand(case, band), log)
     if choice is None:
         choice = driven_demand.as_driven(case, model_choice_of(case, "plate", response_high_hz(case, band)))
         simplifications.log_all(choice.left_out, log)
     if choice.reduction is None:
-        raise InputError(f"{case.name}: solve.model: patches are bonded to plates cells, must be auto or superelement")
+        raise InputError(f"{case.name}: solve.model: must be auto or superelement, patches need reduced cells")
     model = parts.built(case, choice, log, [] if meshes is None else meshes)
     assert isinstance(model, PlateModel)
     return driven(case, model, band, log)
@@ -120,12 +121,12 @@ def forced_plate(
 
 @one_thread()
 def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log) -> ForcedPlate:
-    """Build an assembled plate with the case's patches and solve its modes about the band."""
+    """Bond the case's patches to an assembled plate and solve its modes around the band."""
     patches = case.patches
     assert patches is not None
     with log.step("bond the patches"):
         bonded = _bonded(case, model.tiling)
-        # patches that couple all classes would be dense in every pair of them, in the whole plate on their panels alone
+        # patches that couple all classes give a dense block for every pair of classes, but only one in the whole plate
         symmetries = model.symmetries if len(coupled_classes(bonded)) > 1 else (None,)
         plates = {plate.symmetry: plate for plate in map(model.assembled, symmetries)}
         middle_hz = (band_hz[0] + band_hz[1]) / 2.0
@@ -141,7 +142,7 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
 
 
 def refuse_patches(case: Case, band_hz: tuple[float, float]) -> None:
-    """InputError for patches that no assembled plate can carry in this band, before anything of the plate is computed."""
+    """Raise InputError for patches that an assembled plate cannot carry in this band, before computing the plate."""
     tiling = tile(case.design, case.design.length_m)
     _refuse_over_pillars(case, tiling)
     _refuse_ringing(case, min(patch.own_hz for patch in _bonded(case, tiling)), band_hz[1])
@@ -152,7 +153,7 @@ def solve_response(
     case: Case, choice: ModelChoice | None, log: Log, band_hz: tuple[float, float] | None, points: int,
     meshes: list[MeshRecord],
 ) -> SolvedResponse:  # fmt: skip
-    """Compute the response of the patched plate over a band. Raises InputError for a model that cannot carry patches."""
+    """Compute the response of the patched plate over a band; InputError for a model that cannot carry patches."""
     forced = forced_plate(case, log, band_hz, meshes, choice=choice)
     low, high = forced.band_hz
     with log.step("sum the modes"):
@@ -166,7 +167,7 @@ def solve_response(
 
 
 def gridded(points: FloatArray, values: ComplexArray) -> dict[str, Any]:
-    """Return a field on the touch face at an even grid of about GRID points along its longer side, as a picture draws it."""
+    """Return a field on the touch face for drawing, on an even grid of about GRID points along the longer side."""
     from scipy.spatial import cKDTree
 
     low, high = points.min(axis=0), points.max(axis=0)
@@ -178,12 +179,11 @@ def gridded(points: FloatArray, values: ComplexArray) -> dict[str, Any]:
 
 
 def quality_error(forced: ForcedPlate, peak: Peak) -> float | None:
-    """Compute the half-width of the bar of a peak's quality factor; None where it is not known.
+    """Estimate the error of a peak's quality factor; None if it is unknown.
 
-    The damping is given and not judged. A peak is wider or narrower than its own mode where neighbours carry some of the
-    response: the factor is read again on plates whose resonances lie elsewhere within their bars, whose modes are mixed within
-    them, and whose patches push harder by the error of their loads; to first order where that is enough. The change by a finer
-    curve is added.
+    The damping is given and counts as exact. Neighbouring modes make a peak wider or narrower than its own mode. The factor
+    is therefore read again on plates whose resonances, mode shapes and patch loads vary within their errors, to first order
+    where that is enough. The change due to a finer curve is added.
 
     Parameters
     ----------
@@ -213,9 +213,9 @@ def quality_error(forced: ForcedPlate, peak: Peak) -> float | None:
 
 
 def level_error_db(forced: ForcedPlate, peak: Peak) -> float | None:
-    """Compute the half-width of the bar of a peak's level over the passive face, dB, the peak following its mode.
+    """Estimate the error of a peak's level over the passive face, dB; the peak follows its mode.
 
-    None where it is not known, as where a charge feeds the drivers.
+    None if it is unknown, for example if a charge drives the patches.
     """
     known = doubts(forced, calibration.mixing())
     if known is None or peak.passive_rms is None or forced.circuit != "short":
@@ -231,9 +231,9 @@ def level_error_db(forced: ForcedPlate, peak: Peak) -> float | None:
 
 
 def curve_errors(forced: ForcedPlate, curve: Curve) -> FloatArray | None:
-    """Compute the half-widths of the bars of a curve's rms at its own frequencies, zone and passive face, (1 or 2, n) in m/V.
+    """Estimate the errors of a curve's rms at its frequencies, zone and passive face, (1 or 2, n) in m/V.
 
-    None where they are not known, as where a charge feeds the drivers.
+    None if they are unknown, for example if a charge drives the patches.
     """
     known = doubts(forced, calibration.mixing())
     if known is None or forced.circuit != "short":
@@ -244,16 +244,16 @@ def curve_errors(forced: ForcedPlate, curve: Curve) -> FloatArray | None:
 
 
 def check_zones(case: Case) -> None:
-    """Raise InputError for patches that do not drive each zone with the others' at 0 V."""
+    """Raise InputError for patches that cannot drive each zone while those of the others are held at 0 V."""
     patches, design = case.patches, case.design
     assert patches is not None
     said = []
     if patches.circuit != "short":
-        said.append(f"patches.circuit = {patches.circuit!r}: must be 'short', zones at rest hold their patches at 0 V")
+        said.append(f"patches.circuit = {patches.circuit!r}: must be 'short', zones at rest keep their patches at 0 V")
     y = np.array([patches.centres_m[i][1] for i in patches.drivers])
     bare = [i + 1 for i, mid in enumerate(design.zone_centres_m) if not (np.abs(y - mid) < design.width_m / 2.0).any()]
     if bare:
-        said.append(f"patches.centres_mm: zone {', '.join(map(str, bare))} has no patch that drives it")
+        said.append(f"patches.centres_mm: no patch drives zone {', '.join(map(str, bare))}; every zone needs one")
     if said:
         raise InputError(f"{case.source or case.name}: {text}" for text in said)
 
@@ -262,9 +262,9 @@ def solve(
     case: Case, log: Log, band_hz: tuple[float, float] | None, points: int, meshes: list[MeshRecord],
     is_announced: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """Drive each zone at its own peak and measure every zone, there and at so many frequencies of a band.
+    """Drive each zone at its own peak and measure every zone, there and at `points` frequencies of a band.
 
-    Returns columns of `CrosstalkResult` by name. InputError as `check_zones` and `forced_plate`.
+    Returns columns of `CrosstalkResult` by name. Raises InputError like `check_zones` and `forced_plate`.
     """
     case.require("patches", command="crosstalk")
     check_zones(case)
@@ -307,12 +307,12 @@ def solve(
 
 
 def _search_window_hz(case: Case) -> tuple[float, float] | None:
-    """Where the target mode is searched first; None for several zones, which share no mode."""
+    """First search window of the target mode, Hz; None for several zones, which share no mode."""
     return mesh_rules.search_window_hz(case.design) if case.design.zones == 1 else None
 
 
 def _bonded(case: Case, tiling: Tiling) -> list[BondedPatch]:
-    """The case's patches; those of one size are one, and kept."""
+    """Patches of the case, bonded; equal ones are computed once and cached."""
     patches = case.patches
     assert patches is not None
     material, thickness, back = patches.material, patches.size_m[2], patches.face == "back"
@@ -323,7 +323,7 @@ def _bonded(case: Case, tiling: Tiling) -> list[BondedPatch]:
 
 
 def _refuse_over_pillars(case: Case, tiling: Tiling) -> None:
-    """InputError where a patch shares a face with a pillar whose panel it reaches over: that face is not kept there."""
+    """Raise InputError if a patch reaches over a panel with a pillar on the same face, which reduced panels do not keep."""
     patches = case.patches
     assert patches is not None
     if patches.face == "touch" and not any(pillar.faces == 2 for pillar in case.design.kinds):
@@ -334,29 +334,29 @@ def _refuse_over_pillars(case: Case, tiling: Tiling) -> None:
             y0, y1 = (end / MM for end in box[2:])
             raise InputError(
                 f"{case.source or case.name}: patches: patch {number} reaches from y = {y0:g} to {y1:g} mm: must stay clear of "
-                f"the strip from {low:g} to {high:g} mm, where pillars stand on its face"
+                f"the strip from {low:g} to {high:g} mm, which has pillars on the same face"
             )
 
 
 def _refuse_ringing(case: Case, own_hz: float, high_hz: float) -> None:
-    """InputError where a patch would ring by itself on the plate, which it follows statically."""
+    """Raise InputError for a patch whose own resonance is too low for it to follow the plate statically."""
     if high_hz > FOLLOWS * own_hz:
         assert case.patches is not None
         size = " x ".join(f"{each / MM:g}" for each in case.patches.size_m)
         raise InputError(
-            f"{case.source or case.name}: patches.size_mm: a patch of {size} mm rings by itself at {frequency(own_hz)}: the "
-            f"band must end below a fifth of that, {frequency(FOLLOWS * own_hz)}, or the patch be flatter"
+            f"{case.source or case.name}: patches.size_mm: a patch of {size} mm has its own resonance at {frequency(own_hz)}: "
+            f"end the band below a fifth of that, {frequency(FOLLOWS * own_hz)}, or use a flatter patch"
         )
 
 
-def _demand(case: Case, band_hz: tuple[float, float]) -> Demand:
-    """What the response over a band is foreseen to take."""
+def _demand(case: Case, band_hz: tuple[float, float]) -> ResourceEstimate:
+    """Resource estimate of the response over a band."""
     choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
     return driven_demand.of_response(case, choice, band_hz, 0)
 
 
 def _widest_bar(forced: ForcedPlate, low_hz: float, high_hz: float) -> WidestBar:
-    """Find the widest bar of the resonances in a band, and what it is made of; unknown where one of them has none."""
+    """Find the largest error bar of the resonances in a band and its parts; unknown if one of them has none."""
     known = []
     for basis in forced.modes:
         errors, tones = responses.frequency_errors(basis), basis.frequency_hz
@@ -372,7 +372,7 @@ def _widest_bar(forced: ForcedPlate, low_hz: float, high_hz: float) -> WidestBar
 
 
 def _parted(rates: WidthRates, every: list[tuple[Variation, ...]]) -> tuple[float, list[tuple[Variation, ...]]]:
-    """Relative half-width by all sources whose change is that of first order, and the other sources."""
+    """Relative error from all sources with a first-order change, and the other sources."""
     far: list[float] = []
     near: list[tuple[Variation, ...]] = []
     for source in every:
@@ -384,23 +384,23 @@ def _parted(rates: WidthRates, every: list[tuple[Variation, ...]]) -> tuple[floa
 
 
 def _quality(top: float, curve: Curve) -> FloatArray:
-    """The quality factor of a curve's peak, (1,); NaN where the curve has no half-power points there."""
+    """Quality factor of a curve's peak, (1,); NaN without half-power points."""
     found = peak_of(curve, top).quality_factor
     return np.array([np.nan if found is None else found])
 
 
 def _curve(forced: ForcedPlate, tone: float) -> tuple[float, Curve]:
-    """A peak near a frequency, Hz, and the response about it."""
+    """Peak near a frequency, Hz, and the response around it."""
     top = near_hz(forced, tone)
     reach = DECAYED * top * forced.loss
     return top, curve_about(forced, top - reach, top + reach, AROUND_PEAK, [top])
 
 
 def _warn_of_shape(number: int, zone: DrivenZone, log: Log) -> None:
-    """Warn of a zone that moves most in another shape than the target's."""
+    """Warn of a zone whose largest motion differs from the target shape."""
     if zone.mac is not None and zone.mac < SIMILAR:
         log.warning(
             "OTHER_PEAK",
             f"zone {number + 1} moves most at {frequency(zone.peak_hz, zone.peak_error)}, but not in the target shape "
-            f"(MAC {figure(zone.mac, zone.mac_error)}): the levels are another mode's; give a --band about the target mode",
+            f"(MAC {figure(zone.mac, zone.mac_error)}): the levels are those of another mode; give a --band around the target",
         )

@@ -1,4 +1,4 @@
-"""A plate with and without rows, its patches in phase or shaped: confinement by each over frequency, with error bars."""
+"""Confinement over frequency of a plate with or without rows, its patches in phase or shaped, with error bars."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ METHODS = ("neither", "rows", "patches", "both")
 
 @dataclass(frozen=True, eq=False)
 class _Plate:
-    """A plate and what may be wrong about it: its forms at any tones."""
+    """A plate with its errors: quadratic forms at any excitation frequencies."""
 
     forced: ForcedPlate
     grams: FloatArray
@@ -52,7 +52,7 @@ class _Plate:
 
 @dataclass(frozen=True)
 class Plates:
-    """The case's plate, the same without rows, and two with the pillars' resonances lower and higher by the detuning."""
+    """Plate of the case, its copy without rows, and two with the pillars' resonances lower and higher by the detuning."""
 
     rows: _Plate
     bare: _Plate
@@ -61,10 +61,10 @@ class Plates:
 
 @dataclass(frozen=True, eq=False)
 class _Method:
-    """A method on its own plate, its figures (level, V per um, off, rows off) and their bars over tones.
+    """One method on its own plate: figures (level, V per um, detuned level, level with detuned rows) and errors over frequency.
 
-    fixed (d,): the drivers' voltages; None where they are shaped for each tone, for the plate as it is. detuned: plates of the
-    last figure.
+    fixed (d,): voltages of the drivers, None if they are shaped at each frequency for the plate as it is; detuned: plates of
+    the last figure.
     """
 
     own: _Plate
@@ -73,9 +73,9 @@ class _Method:
     alpha: float
 
     def with_bars(self, tones: FloatArray, still: int | None = None) -> FloatArray:
-        """Figures and half-widths of their bars, (2, 4, t); NaN where one means nothing or is not known.
+        """Figures and their errors, (2, 4, t); NaN where one is meaningless or unknown.
 
-        still: mode of its own plate that stays where it is.
+        still: mode of its own plate whose frequency does not vary.
         """
         own, others = [self.own.forms(each) for each in _off(tones)], [plate.forms(tones) for plate in self.detuned]
         plain = [_plain(self._fed(each)) for each in own], [_plain(self._fed(each)) for each in others]
@@ -101,7 +101,7 @@ class _Method:
         return np.array([nominal, np.linalg.norm(bars, axis=0)])
 
     def at_peak(self, tone: float, rows: _Plate) -> FloatArray:
-        """The same (2, 4) at a peak that follows its mode on the plate with rows."""
+        """Figures and their errors, (2, 4), at a peak that follows its mode on the plate with rows."""
         if rows.known is None:
             return self.with_bars(np.array([tone]))[..., 0]
         mode, ends = rows.known.ends(rows.eigenvalue(np.array([tone]))[0])
@@ -117,7 +117,7 @@ class _Method:
         return each if self.fixed is None else each.fed(self._at(self.fixed, len(each.answers)))
 
     def _volts(self, squares: ComplexArray) -> ComplexArray:
-        """Of the drivers, (t, m, s, d), made for a plate's S (2, t, m, s, d, d); 1 for all where they are fixed."""
+        """Voltages of the drivers, (t, m, s, d), for a plate's S (2, t, m, s, d, d); 1 for all if they are fixed."""
         return (
             best_volts(squares[0], squares[1], self.alpha)
             if self.fixed is None
@@ -125,12 +125,12 @@ class _Method:
         )
 
     def _at(self, volts: ComplexArray, count: int) -> ComplexArray:
-        """Of the drivers, (t, d)."""
+        """Voltages of the drivers, (t, d)."""
         return volts[:, 0, 0] if self.fixed is None else np.broadcast_to(self.fixed, (count, len(self.fixed)))
 
 
 def _off(tones: FloatArray) -> list[FloatArray]:
-    """The tones, and those at which every resonance is off as much the other way round."""
+    """The frequencies, and those that are equivalent to resonances detuned downwards and upwards."""
     return [tones / (1.0 + sign * DETUNING) for sign in (0.0, -1.0, 1.0)]
 
 
@@ -140,7 +140,7 @@ def _plain(each: Forms) -> ComplexArray:
 
 
 def _figures(volts: ComplexArray, own: Sequence[ComplexArray], detuned: Sequence[ComplexArray]) -> FloatArray:
-    """The four figures (4, t, m, s) of voltages (t, m, s, d), from S of the plate at its tones and off, and of detuned ones."""
+    """Four figures (4, t, m, s) of voltages (t, m, s, d), from S of the plate, nominal and detuned, and of detuned plates."""
     squares = [_values(each, volts) for each in own]
     level, *off = [_level(each) for each in squares]
     per_um = UM * np.abs(volts).max(axis=-1) / np.sqrt(squares[0][0])
@@ -161,9 +161,9 @@ def _level(squares: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class SolvedHybrid:
-    """The plate with rows, frequencies (t,) in Hz, and the driven target mode, in the band or elsewhere, with its bar.
+    """Plate with rows, frequencies (t,) in Hz, and the driven target mode, in the band or elsewhere, with its error.
 
-    methods: by name, figures (level in dB, V per um, level off, level with pillars off) and half-widths of bars, (2, 4, t).
+    methods: by name, figures (level in dB, V per um, detuned level, level with detuned pillars) and errors, (2, 4, t).
     """
 
     forced: ForcedPlate
@@ -182,7 +182,7 @@ def solve(
 ) -> SolvedHybrid:  # fmt: skip
     """Drive the plate with rows and without, its patches in phase inside the zone or all shaped for contrast.
 
-    alpha: weight of voltages that move little. forced: the plate, where it is solved already.
+    alpha: penalty on voltages that move the plate little; forced: the plate, if it is solved already.
     """
     plates = _plates(case, log, band_hz, forced, meshes)
     rows, own = plates.rows, plates.rows.forced
@@ -205,7 +205,7 @@ def solve(
 
 
 def driven_inside(case: Case) -> BoolArray:
-    """Return which patches drive the zone itself, (patches,)."""
+    """Return the mask of the patches that drive the zone itself, (patches,)."""
     patches = case.patches
     assert patches is not None
     drives = np.isin(np.arange(patches.count), patches.drivers)
@@ -219,10 +219,10 @@ def _plates(
     outside = design.half_span_m - design.width_m / 2.0
     bare = replace(design, rows=0, extension_m=outside, graded=(), graded_pitches_m=())
     others = {"without rows": bare}
-    others |= {f"with pillars off by {100.0 * d:+g}%": _retuned(design, 1.0 + d) for d in (-DETUNING, DETUNING)}
+    others |= {f"with pillars detuned by {100.0 * d:+g}%": _retuned(design, 1.0 + d) for d in (-DETUNING, DETUNING)}
     rows = _Plate.of(forced or forced_plate(case, log, band_hz, meshes, is_announced=True))
     if forced is None:
-        rows.forced.target_hz()  # searched for while the matrices are at hand
+        rows.forced.target_hz()  # searched while the matrices are in memory
         rows.forced.let_go()
     solved = []
     for number, (name, each) in enumerate(others.items(), start=2):
@@ -234,7 +234,7 @@ def _plates(
 
 
 def _retuned(design: Design, factor: float) -> Design:
-    """The plate with the pillars' own resonances at `factor` times theirs: by their stiffness."""
+    """Plate whose pillars have `factor` times their own resonance frequencies, by a change of stiffness."""
 
     def of(pillar: Pillar) -> Pillar:
         return replace(pillar, material=pillar.material.scaled(factor**2))

@@ -1,4 +1,4 @@
-"""Fields and shapes of computed modes, as they are stored."""
+"""Fields and shapes of computed modes in their stored form."""
 
 from __future__ import annotations
 
@@ -27,15 +27,14 @@ def kept_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
 
 
 def plate_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
-    """Return the surface_*, touch_* and mesh_* arrays of the chosen modes, as figures read them."""
+    """Return the surface_*, touch_* and mesh_* arrays of the chosen modes in the form that figures read."""
     return unfolded(kept_arrays(part_modes, rows))
 
 
 def full_fields(part_modes: PartModes) -> dict[str, Any]:
-    """Every mode on the meshed skin: points (p, 3) in m, facets, frequency_hz and symmetry (k,), displacement (k, p, 3).
+    """Return every mode on the meshed skin: points (p, 3) in m, facets, frequency_hz and symmetry (k,), displacement (k, p, 3).
 
-    M-orthonormal in the model's scaled units; a quarter where a symmetry class is given: u_z symmetric (S) or
-    antisymmetric (A) in x, then y.
+    M-orthonormal in scaled units. A symmetry class gives a quarter, u_z symmetric (S) or antisymmetric (A) in x, then y.
     """
     skins = [_skin(part_modes, index) for index in range(len(part_modes.rows))]
     if not skins:

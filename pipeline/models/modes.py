@@ -1,4 +1,4 @@
-"""Modes of a part: every symmetry class asked for, merged, counted and measured, and the target mode among them."""
+"""Modes of a part: every requested symmetry class solved, merged, counted and measured, and the target mode among them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pipeline.models import parts
 from pipeline.models.answer_parts import CountRecord, TargetRecord
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
 from pipeline.models.target import ModeRow, Target, look, look_about, look_among, mode_rows, verdict_text
-from pipeline.planning import foresight, refinement, simplifications
+from pipeline.planning import refinement, resource_estimate, simplifications
 from pipeline.planning.model_choice import (
     DEFAULT_COUNT,
     MEASURED,
@@ -68,18 +68,18 @@ from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
 
 __all__ = ["DEFAULT_COUNT", "Expected", "PartModes", "Request", "solve_modes", "with_defaults"]
-DEEPER = 3  # reductions refined at most: all but the first raise the degree through the thickness
-PASSES = 4  # meshed or reduced anew for what was found, at most
+DEEPER = 3  # most refinements of a reduction: all but the first raise the degree through the thickness
+PASSES = 4  # most times that a part is meshed or reduced again for the frequencies found
 
 
 @dataclass(frozen=True)
 class PartModes:
     """Modes of a part in ascending order, with the model and the eigenvectors behind them.
 
-    reduction_error and expected_error (by the mesh) are those of any mode, relative; `errors` those of each class's columns,
-    None where none was asked for. `target` is None where the question has no meaning: another symmetry class, a lone pillar,
-    a mesh without touch face. more_in_mesh: how many more modes than were counted the meshes behind a reduced plate have at
-    most up to the count's upper end.
+    reduction_error and expected_error (discretisation) are the largest of any mode, relative; `errors` holds those of each
+    class's columns, None if none were requested. `target` is None if there can be none: another symmetry class, an isolated
+    pillar, a mesh without touch face. more_in_mesh: upper bound on the further modes that the full meshes of a reduced plate
+    have up to the end of the count.
     """
 
     part: str
@@ -95,27 +95,25 @@ class PartModes:
     errors: dict[str | None, ModeErrors] | None = None
     target: Target | None = None
     more_in_mesh: int | None = None
-    nearest_hz: float | None = None  # to a band that holds no mode
+    nearest_hz: float | None = None  # nearest mode to a band without modes
 
     @property
     def target_row(self) -> ModeRow | None:
-        """The target mode; None where there is none."""
+        """The target mode, or None."""
         return self.target.row if self.target else None
 
     def each(self, change: Callable[[ModeRow], ModeRow]) -> PartModes:
-        """The same modes, in ascending order, changed one by one."""
+        """Apply a function to every mode; the result is in ascending order."""
         target = self.target and self.target.each(change)
         return replace(self, rows=tuple(sorted(map(change, self.rows), key=_place)), target=target)
 
     def all_rows(self, searched: bool) -> tuple[ModeRow, ...]:
-        """The rows, and those that a search for the target mode went through: other modes that were solved are nobody's."""
+        """The rows, and those that a search for the target mode examined; other modes that were solved are not used."""
         return (*self.rows, *(self.target.rows if self.target and searched else ()))
 
     @property
     def whole_window(self) -> PartModes:
-        """Return the same with all modes that the search for the target mode went through, where all are of one
-        class.
-        """
+        """Return the modes joined with all that the search for the target mode examined, if all are of one class."""
         part_modes = self.target
         if part_modes is None or part_modes.count is None or len(self.vectors) > 1:
             return self
@@ -126,12 +124,12 @@ class PartModes:
         return replace(self, rows=tuple(rows), count=Count(low, high, len(rows), len(rows)))
 
     def mesh_error(self, row: ModeRow) -> float | None:
-        """Half-width of a frequency's bar by the mesh; None where nothing tells it."""
+        """Discretisation error of a frequency, relative; None without an estimate."""
         own = (self.errors or {}).get(row.symmetry)
         return None if own is None or np.isnan(own.mesh[row.column]) else float(own.mesh[row.column])
 
     def index(self, row: ModeRow | None) -> int | None:
-        """Return a mode's place among `rows`; None where it is not there."""
+        """Return the place of a mode among `rows`; None if it is not there."""
         places = (
             i for i, one in enumerate(self.rows) if row and (one.symmetry, one.column) == (row.symmetry, row.column)
         )
@@ -139,16 +137,16 @@ class PartModes:
 
     @property
     def counts(self) -> str:
-        """Name the matrices whose eigenvalues the count by inertia counts."""
+        """Name of the matrices whose eigenvalues are counted."""
         return "reduced pencil" if isinstance(self.model, PlateModel) else "mesh"
 
     @property
     def count_check(self) -> CountRecord:
-        """The count by inertia and what was found."""
+        """Inertia count and the number of modes found."""
         return CountRecord.of(self.count, counts=self.counts, more_in_mesh_at_most=self.more_in_mesh)
 
     def target_part(self) -> TargetRecord | None:
-        """The target mode with its error bar, its place among the modes, its pillars' share of kinetic energy."""
+        """Target mode with its error bar, its place among the modes and the pillars' share of its kinetic energy."""
         row = self.target_row
         if self.target is None or row is None:
             return self.target.record() if self.target else None
@@ -161,7 +159,7 @@ class PartModes:
         )
 
     def _pillar_share(self, row: ModeRow) -> tuple[float, float | None]:
-        """The pillars' share of the target mode's kinetic energy, and its bar by neighbours that mix into it."""
+        """Pillars' share of the target mode's kinetic energy, and its error from neighbours that mix into the mode."""
         assert self.target is not None
         own, mixing = partial(self.model.pillar_share, row.symmetry), calibration.mixing()
         vectors, siblings = self.vectors[row.symmetry], list(self.target.rows)
@@ -182,16 +180,16 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
     case
         The case.
     request
-        What to look for.
+        The modes to solve.
     log
-        Where progress goes.
+        Receives the progress.
     choice
-        Model and mesh of a plan that was announced; None: they are chosen and announced here.
+        Model and mesh of a plan that was logged; None to choose and log them here.
 
     Raises
     ------
     SolverError
-        For modes that could not be trusted.
+        For modes that fail their checks.
     MeshError
         For a part that cannot be meshed.
     InputError
@@ -200,8 +198,8 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
     query = with_defaults(case, request)
     if choice is None:
         choice = model_choice_of(case, query.part, model_high_hz(case, query))
-        foresight.announce(
-            f"modes of the {query.part}", foresight.of_modes(case, choice, with_search(case, query)), log
+        resource_estimate.log_estimate(
+            f"modes of the {query.part}", resource_estimate.of_modes(case, choice, with_search(case, query)), log
         )
         unpatched = simplifications.no_patches(case.patches) if query.part == "plate" and case.patches else None
         others = simplifications.other_classes(choice.classes, query.symmetry)
@@ -221,15 +219,15 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
         step_by_step((choice, part_modes), deeper, solve, DEEPER, log),
         lambda solved: (_decisive(solved), 0.0),
         solve,
-        lambda finer: foresight.of_modes(case, finer, with_search(case, query)),
+        lambda finer: resource_estimate.of_modes(case, finer, with_search(case, query)),
         case,
         log,
     )
     estimate = _error_estimate(part_modes)
     if estimate:
         log.info(
-            f"overestimated by truncation, as what it leaves out tells: the target mode {percent(estimate.total)}, "
-            f"any mode {percent(estimate.worst)} at most"
+            f"truncation error: {percent(estimate.total)} of the target mode, at most {percent(estimate.worst)} of any mode "
+            "(estimated from the discarded modes)"
         )
         warn(estimate.total, case, log)
     expected = refinement.log_mesh_error(choice, case, log, _by_the_mesh(part_modes, part_modes.all_rows(query.search)))
@@ -247,21 +245,21 @@ def _is_deeper(finer: ModelChoice, choice: ModelChoice) -> bool:
 
 
 def _decisive(part_modes: PartModes) -> float | None:
-    """Half-width of the bar by the mesh that the accuracy is asked of: the largest, or of a plate the target mode's."""
+    """Discretisation error that has to meet the accuracy: that of a plate's target mode, else the largest."""
     row = part_modes.target_row if isinstance(part_modes.model, PlateModel) else None
     rows = (row,) if row else part_modes.rows
     return _by_the_mesh(part_modes, rows)
 
 
 def _by_the_mesh(part_modes: PartModes, rows: Sequence[ModeRow]) -> float | None:
-    """The largest half-width of the bars of some modes by the mesh; None where nothing tells it."""
+    """Largest discretisation error of some modes, relative; None without an estimate."""
     return largest(np.array([part_modes.mesh_error(row) for row in rows], dtype=float))
 
 
 def _with_both(part_modes: PartModes) -> PartModes:
-    """The modes with the finest mesh's own frequencies beside the best ones.
+    """Add the frequencies of the finest mesh to the best ones.
 
-    A plate's reduced matrices are the best ones already; of a body meshed whole the frequencies are lowered here.
+    A plate's reduced matrices already include the correction; the frequencies of a body meshed whole are corrected here.
     """
 
     def with_both(row: ModeRow) -> ModeRow:
@@ -275,7 +273,7 @@ def _with_both(part_modes: PartModes) -> PartModes:
 
 
 def _with_errors(part_modes: PartModes) -> PartModes:
-    """The modes with the half-width of each frequency's bar: the mesh's expected error and the estimated truncation."""
+    """Add the error of each frequency: the estimated discretisation and truncation errors."""
 
     def with_error(row: ModeRow) -> ModeRow:
         mesh, own = part_modes.mesh_error(row), (part_modes.errors or {}).get(row.symmetry)
@@ -288,7 +286,7 @@ def _with_errors(part_modes: PartModes) -> PartModes:
 
 
 def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
-    """The modes with the half-width of each level's bar; the target mode's is that of its search."""
+    """Add the error of each level; that of the target mode comes from its search."""
     share = calibration.mixing()
     beyond = part_modes.target.beyond if part_modes.target else ()
     known = {(row.symmetry, row.column): row for row in (*part_modes.all_rows(True), *beyond)}
@@ -320,7 +318,7 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
 def _measure_bars(
     rows: list[ModeRow], index: int, overlaps: Overlaps, ends_hz: tuple[float, ...], share: float
 ) -> dict[str, float | None]:
-    """Half-widths of the bars of a mode's level, MAC and strength by the `share` of its neighbours that mixes into it."""
+    """Errors of the level, MAC and strength of a mode from the `share` of its neighbours that mixes into it."""
     tones, error = np.array([row.frequency_hz for row in rows]), rows[index].error
     if not error:
         return {}
@@ -332,13 +330,13 @@ def _measure_bars(
 
 
 def _ends(part_modes: PartModes) -> tuple[float, ...]:
-    """Ends of the interval in which all modes are known, Hz, beyond which the next one may lie."""
+    """Ends of the interval in which all modes are known, Hz; the next mode may lie just outside."""
     ends = part_modes.count.low_hz, part_modes.count.high_hz
     return tuple(end for end in ends if end > 0.0)
 
 
 def _warn_of_nothing(part_modes: PartModes, query: Request, log: Log) -> None:
-    """Warn where the band holds no mode, and say where the nearest one lies."""
+    """Warn if the band holds no mode, and report the nearest one."""
     if part_modes.rows or query.band_hz is None:
         return
     low, high = query.band_hz
@@ -348,14 +346,14 @@ def _warn_of_nothing(part_modes: PartModes, query: Request, log: Log) -> None:
 
 
 def _within_reach(case: Case, query: Request, choice: ModelChoice, log: Log) -> tuple[PartModes, ModelChoice]:
-    """Solve the modes, and mesh or reduce anew until the model is made for frequencies as high as the modes found."""
+    """Solve the modes, and refine mesh and reduction until they suit frequencies as high as the modes found."""
     coarse = coarse_modes(case, query, choice)
     choice = (coarse and refine_mesh(choice, coarse.highest_hz, case, log)) or choice
     solved = _solved(case, query, choice, log, coarse)
     for _ in range(PASSES):
         highest = max((row.frequency_hz for row in solved.all_rows(query.search)), default=0.0)
         error = _decisive(solved)
-        met = error is not None and error <= case.solve.accuracy  # whatever was measured on another design
+        met = error is not None and error <= case.solve.accuracy  # takes precedence over the calibration
         higher = (not met and refine_mesh(choice, highest, case, log)) or raise_cutoff(choice, highest, case, log)
         if higher is None:
             break
@@ -364,14 +362,14 @@ def _within_reach(case: Case, query: Request, choice: ModelChoice, log: Log) -> 
 
 
 def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: CoarseModes | None = None) -> PartModes:
-    """Solve the modes by one model choice, with the target mode among them and the errors class by class.
+    """Solve the modes for one model choice, with the target mode among them and the errors class by class.
 
-    What a coarse mesh told of them saves modes that another class's nearer ones put out.
+    The counts of a coarse mesh avoid solving modes that nearer ones of another class would exclude.
     """
     meshes: list[MeshRecord] = []
     model = parts.built(case, choice, log, meshes)
     coarser = parts.mesh_error_source(case, choice, model)
-    demand = foresight.of_modes(case, choice, with_search(case, query))
+    demand = resource_estimate.of_modes(case, choice, with_search(case, query))
 
     def solved(symmetry: str | None, count: int | None = query.count) -> _Class:
         one = _Class(case, query.part, model, symmetry, log)
@@ -380,7 +378,7 @@ def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: C
             one.target = _target(case, query, one)
         one.errors = one.estimated(coarser)
         if query.band_hz:
-            one.more_below(one.count.high_hz)  # beside the other classes
+            one.more_below(one.count.high_hz)  # in parallel with the other classes
         one.let_go()
         return one
 
@@ -443,7 +441,7 @@ class _Class:
         self.log.info(f"{name}: {self.dof} degrees of freedom, {len(self.rows)} modes")
 
     def estimated(self, coarser: MeshErrorSource | None) -> ModeErrors | None:
-        """How far off each of the modes may be, by a plate's own cells or by what tells of a mesh; None where nothing does."""
+        """Estimate the errors of the modes from a plate's cells or from a mesh error source; None without one."""
         if isinstance(self.model, PlateModel):
             return mode_errors(self.model.assembled(self.symmetry), self.pencil, self.vectors)
         if coarser is None:
@@ -452,12 +450,12 @@ class _Class:
         none = np.zeros(self.vectors.shape[1])
         if not len(none):
             return ModeErrors(none, none, none, none, none)
-        with self.log.step(f"error of the mesh, class {self.symmetry or 'whole'}"):
+        with self.log.step(f"discretisation error, class {self.symmetry or 'whole'}"):
             values = np.array([self.pencil.scale.eigenvalue(tone) for tone in self.tones])
             return ModeErrors(none, none, none, *coarser.errors(self.symmetry, self.pencil, self.vectors, values))
 
     def more_below(self, edge_hz: float) -> int | None:
-        """How many modes the meshes may have below a frequency beyond the reduced plate's own; None without a bound."""
+        """Upper bound on the modes below a frequency that the reduced plate lacks; None without a bound."""
         if not isinstance(self.model, PlateModel):
             return 0
         if edge_hz not in self._more:
@@ -469,18 +467,18 @@ class _Class:
         return self._more[edge_hz]
 
     def let_go(self) -> None:
-        """Release the matrices of a mesh, which are not needed again; those of a reduced plate are small."""
+        """Release the matrices of a mesh, which are not needed again; keep those of a reduced plate, which are small."""
         if not isinstance(self.model, PlateModel):
             del self.pencil
 
     def between(self, low_hz: float, high_hz: float) -> tuple[tuple[ModeRow, ...], Count]:
         """Return all modes between two frequencies, reusing those already solved."""
-        with self.log.step(f"look for the target mode from {khz(round(low_hz))} to {khz(round(high_hz))}"):
+        with self.log.step(f"search the target mode from {khz(round(low_hz))} to {khz(round(high_hz))}"):
             solution = modes_in_band(self.pencil, low_hz, high_hz, self.shared)
             return self._kept(solution), solution.count
 
     def largest_outside(self, rows: Sequence[ModeRow], reach_hz: tuple[float, float]) -> float:
-        """Upper bound of the strength of any one mode of an assembled plate outside an interval whose modes are known."""
+        """Upper bound on the strength of any mode of an assembled plate outside an interval whose modes are known."""
         assert isinstance(self.model, PlateModel)
         plate = self.model.assembled(self.symmetry)
         force = strength_force(plate.touch(self.vectors[:, :0]), self.case.design, self.symmetry or None)
@@ -527,17 +525,15 @@ def _nearest_hz(query: Request, classes: dict[str | None, _Class]) -> float | No
 
 
 def _more_in_mesh(classes: dict[str | None, _Class], count: Count) -> int | None:
-    """Bound the number of modes that the meshes have and the reduced model lacks; 0 for a body that was not
-    reduced.
-    """
+    """Bound the number of modes that the full meshes have and the reduced model lacks; 0 without a reduction."""
     more = [one.more_below(count.high_hz) for one in classes.values()]
     return None if None in more else sum(each or 0 for each in more)
 
 
 def _error_estimate(part_modes: PartModes) -> ErrorEstimate | None:
-    """Estimate the errors of a plate of reduced cells; None for a body that was not reduced or has no mode.
+    """Estimate the truncation errors of a plate of reduced cells; None without a reduction or without modes.
 
-    Without a target mode the worst one stands for it.
+    Without a target mode, the worst mode takes its place.
     """
     errors = part_modes.errors or {}
     every = [np.vstack([each.modes, each.degrees, each.through]) for each in errors.values() if len(each.modes)]
@@ -553,8 +549,9 @@ def _error_estimate(part_modes: PartModes) -> ErrorEstimate | None:
 
 
 def level_bars_db(case: Case, part_modes: PartModes, error: float) -> tuple[float | None, float | None]:
-    """What the target mode's confinement and its level over the plate beyond the rows may be off by, dB, where frequencies may
-    be by `error`, relative: an error mixes its neighbours into it. None without a target mode or such a part.
+    """Errors of the target mode's confinement and of its level over the plate beyond the rows, dB.
+
+    A relative `error` of the frequencies mixes neighbouring modes into the target mode. None without a target mode or part.
     """
     row = part_modes.target_row
     if row is None or part_modes.target is None or row.confinement_db is None:
@@ -574,7 +571,7 @@ def _classes(model: PartModel, symmetry: str | None) -> tuple[str | None, ...]:
     if symmetry is None:
         return model.symmetries
     if symmetry not in model.symmetries:
-        raise InputError(f"--symmetry {symmetry}: this model has no symmetry classes; leave --symmetry out")
+        raise InputError(f"--symmetry {symmetry}: this model has no symmetry classes; omit --symmetry")
     return (symmetry,)
 
 
@@ -593,14 +590,14 @@ def _merged(query: Request, classes: dict[str | None, _Class]) -> tuple[list[Mod
 
 
 def _farthest(query: Request, classes: list[_Class]) -> float:
-    """How far the last of the `count` modes nearest to a frequency lies from it, Hz; infinite where there are fewer."""
+    """Distance of the last of the `count` modes nearest to a frequency, Hz; infinite if there are fewer."""
     assert query.near_hz is not None and query.count is not None
     away = sorted(abs(row.frequency_hz - query.near_hz) for one in classes for row in one.rows)
     return away[query.count - 1] if len(away) >= query.count else inf
 
 
 def _reach(near_hz: float | None, count: Count) -> float:
-    """How far from a frequency all modes are known, Hz. From below where the count begins there are rigid-body modes alone."""
+    """Distance from a frequency up to which all modes are known, Hz; below the start of the count lie rigid-body modes only."""
     assert near_hz is not None
     above = count.high_hz - near_hz
     return min(above, near_hz - count.low_hz) if 0.0 < count.low_hz < near_hz else above
@@ -609,7 +606,7 @@ def _reach(near_hz: float | None, count: Count) -> float:
 def _nearest(rows: list[ModeRow], query: Request, count: Count) -> tuple[list[ModeRow], Count]:
     """Keep the `count` modes nearest to the frequency over all classes, and degenerate partners of the last one.
 
-    Every class is complete in its own interval, so the common one, of which no more is told, is complete too.
+    Every class is complete in its own interval, so the common interval is complete, too.
     """
     assert query.near_hz is not None and query.count is not None
     near = query.near_hz
@@ -645,21 +642,21 @@ def target_lines(part_modes: PartModes, design: Design) -> list[str]:
         level = (
             ""
             if row.confinement_error_db is None
-            else f", {level_text(*(row.confinement_error_db,) * 2)} of its confinement"
+            else f", ±{level_text(*(row.confinement_error_db,) * 2)} in confinement"
         )
-        known = "none measured" if row.error is None else f"{percent(row.error)} of the target mode's frequency{level}"
-        said.append(f"expected errors: {known}")
+        known = "unknown" if row.error is None else f"±{percent(row.error)} in frequency{level}"
+        said.append(f"error bars of the target mode: {known}")
     return [*said, count_text(part_modes)]
 
 
 def count_text(part_modes: PartModes) -> str:
-    """Say what the count by inertia counts and what it proves."""
-    check = part_modes.count
-    text = f"count by inertia of the {part_modes.counts}: {check.expected}, found: {check.found}"
+    """Describe the inertia count and what it proves."""
+    check, more = part_modes.count, part_modes.more_in_mesh
+    counted = f"{check.expected}, found: {check.found}"
     if part_modes.counts == "mesh":
-        return text
-    if part_modes.more_in_mesh is None:
-        return f"{text}; how many the meshes behind it have is not bounded"
-    if part_modes.more_in_mesh == 0:
-        return f"{text}; the meshes behind it have no more of them up to {frequency(check.high_hz)}"
-    return f"{text}; the meshes behind it have at most {part_modes.more_in_mesh} more up to {frequency(check.high_hz)}"
+        return f"inertia count of the mesh: {counted}"
+    text = f"inertia count of the reduced model: {counted}; the full meshes"
+    if more is None:
+        return f"{text} may have any number of further modes"
+    further = f"have at most {more} further mode{'s' * (more > 1)}" if more else "have no further modes"
+    return f"{text} {further} up to {frequency(check.high_hz)}"

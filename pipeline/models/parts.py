@@ -1,7 +1,7 @@
-"""Plate, zone and lone pillar as models to solve, of boxes or of tetrahedra, with what is said of their meshes.
+"""Models of the plate, the isolated zone and the isolated pillar, of boxes or tetrahedra, and warnings about their meshes.
 
-A coarse mesh shows first how high the modes about a frequency lie and how many of each symmetry class there are: it chooses the
-mesh and the number of modes that each class is asked for. What is reported is counted on the finer mesh all the same.
+A coarse mesh first estimates the highest mode around a frequency and the number of modes per symmetry class. They select the
+mesh and the number of modes to request from each class. Results are always counted on the finer mesh.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from geometry.tiling import Panel
 from pipeline.case.model import Case
 from pipeline.logs import Log, TerminalLog
 from pipeline.models.cell_cache import CellCache
-from pipeline.planning import foresight, simplifications
+from pipeline.planning import resource_estimate, simplifications
 from pipeline.planning.model_choice import SOLID, ModelChoice, Request, model_choice_of
 from pipeline.records import store
 from pipeline.records.record import MeshRecord
@@ -61,7 +61,7 @@ class PartModel(Protocol):
         ...
 
     def pillar_share(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
-        """Share of the pillars in the kinetic energy."""
+        """Pillars' share of the kinetic energy."""
         ...
 
     def skin(self, symmetry: str | None, vectors: FloatArray) -> Skin:
@@ -70,15 +70,13 @@ class PartModel(Protocol):
 
 
 def mesh_record(what: str, mesh: AnyMesh) -> MeshRecord:
-    """Check a mesh and describe it for the record. Raises MeshError when it is not sound."""
+    """Check a mesh and describe it for the record; MeshError if it is invalid."""
     own = {"kind": mesh.kind, "order": mesh.order, "dof": mesh.dof, "sha256": mesh.sha256}
     return MeshRecord.of(check_mesh(mesh), what=what, volume_error=None, **own)
 
 
 def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[MeshRecord]) -> PartModel:
-    """Build the model that the case asks for and append its meshes to `meshes`. Raises InputError for a model that
-    cannot serve.
-    """
+    """Build the model that the case requests and append its meshes to `meshes`; InputError for an unsuitable model."""
     choice = model_choice_of(case, part, high_hz)
     simplifications.log_all(choice.left_out, log)
     return built(case, choice, log, meshes)
@@ -92,7 +90,7 @@ def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -
     if choice.edge_m:
         from geometry.tet import scenes
 
-        with log.step(f"mesh the {part} by tetrahedra"):
+        with log.step(f"mesh the {part} with tetrahedra"):
             mesh = scenes.tet_part(design, part, choice.edge_m, choice.quarter)
     else:
         assert choice.hexahedra
@@ -105,22 +103,24 @@ def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -
 
 
 def warn_of_locking(design: Design, mesh: AnyMesh, log: Log) -> None:
-    """Warn where displacement elements are known to be too stiff; `antinode report extremes` has the measurement."""
+    """Warn of displacement elements that are too stiff; `antinode report extremes` has the measurement."""
     stiffest = max(material.average.poisson for material in region_materials(design.stack, design.pillar).values())
     if "tet" in mesh.kind and mesh.order == 2 and stiffest > LOCKING:
         log.warning(
-            "LOCKING", f"nu = {stiffest:g}: quadratic tetrahedra lock above {LOCKING:g}; hexahedra of order 4 do not"
+            "LOCKING",
+            f"Poisson's ratio {stiffest:g}: quadratic tetrahedra lock above {LOCKING:g}; use hexahedra of order 4",
         )
     if mesh.order == 1:
-        log.warning("ORDER_1", "elements of order 1 are far too stiff in bending: kept for comparison only")
+        log.warning("ORDER_1", "elements of order 1 are far too stiff in bending: use them for comparison only")
 
 
 CLAMPED = {"zone": ("y+",), "pillar": ("touch",), "plate": ()}  # faces of boxes
 
 
 def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> MeshErrorSource | None:
-    """What tells the error of a part meshed whole: two coarser meshes, two lower orders where nothing is singular, or the
-    stresses of its tetrahedra; None for what was reduced, whose cells tell it.
+    """Estimator of the discretisation error of a part meshed whole; None for a reduced part, whose cells estimate it.
+
+    It uses two coarser meshes, two lower orders if the part has no singular edges, or the stress recovery of tetrahedra.
     """
     fine, design = choice.hexahedra, case.design
     materials = region_materials(design.stack, design.pillar)
@@ -144,14 +144,14 @@ def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> Mesh
 def _lower_orders(
     design: Design, boxes: Boxes, order: Nested[SolidModel], lower: Nested[SolidModel], degree: int
 ) -> LowerOrders:
-    """What lower orders tell of a plate without pillars, which has nothing singular."""
+    """Error estimate from lower orders, for a plate without pillars and hence without singular edges."""
     smallest = min(design.length_m, 2.0 * design.half_span_m, design.thickness_m)
     x, y, z = (float(np.diff(line).max()) / smallest for line in (boxes.x, boxes.y, boxes.z))
     return LowerOrders(order, lower, degree, max(x, y), z)
 
 
 def _shares(design: Design, part: str, mesh: HexSettings) -> Shares:
-    """What coarser meshes tell at the singular edges of a part."""
+    """Error fractions of the singular edges of a part."""
     pillar = design.pillar
     if part == "plate":
         return foot_shares(design, mesh)
@@ -161,7 +161,7 @@ def _shares(design: Design, part: str, mesh: HexSettings) -> Shares:
 
 
 def foot_shares(design: Design, mesh: HexSettings) -> Shares:
-    """What coarser meshes tell at the rims of a plate's feet; one without pillars has nothing singular."""
+    """Error fractions of the rims of a plate's feet; a plate without pillars has no singular edges."""
     pillar = design.pillar
     return rim_shares(design.stack.back, pillar.material, mesh, *pillar.joints) if pillar else Shares(order=mesh.order)
 
@@ -176,16 +176,16 @@ def _assembled(design: Design, choice: ModelChoice, log: Log) -> PlateModel:
         *panel_mesher(design, choice, log),
     )
     with log.step("reduce cells"):
-        model = PlateModel(design, reductions, foresight.of_panels(design, choice, choice.reduction))
+        model = PlateModel(design, reductions, resource_estimate.of_panels(design, choice, choice.reduction))
     log.info(
-        f"{len(model.tiling.x) - 1} x {len(model.tiling.y) - 1} panels of {len(model.cells)} kinds: "
-        f"{reductions.fresh} reduced now, {reductions.reused} taken from the cache"
+        f"{len(model.tiling.x) - 1} x {len(model.tiling.y) - 1} panels, {len(model.cells)} distinct: "
+        f"{reductions.fresh} reduced, {reductions.reused} loaded from the cache"
     )
     return model
 
 
 def panel_mesher(design: Design, choice: ModelChoice, log: Log) -> tuple[Callable[[Panel], Mesh] | None, str]:
-    """What meshes the panels that carry a pillar by tetrahedra, and its name in the cache; (None, "") for boxes."""
+    """Function that meshes panels with a pillar into tetrahedra, and its name in the cache; (None, "") for boxes."""
     if choice.edge_m is None:
         return None, ""
     from geometry.tet import scenes
@@ -193,7 +193,7 @@ def panel_mesher(design: Design, choice: ModelChoice, log: Log) -> tuple[Callabl
     edge = choice.edge_m
 
     def mesh(panel: Panel) -> Mesh:
-        with log.step("mesh a panel by tetrahedra"):
+        with log.step("mesh a panel with tetrahedra"):
             return scenes.tet_panel(design, panel, edge)
 
     file = design.pillar.file if design.pillar else None
@@ -201,32 +201,31 @@ def panel_mesher(design: Design, choice: ModelChoice, log: Log) -> tuple[Callabl
 
 
 def tet_cell(design: Design, edge_m: float, log: Log) -> tuple[Mesh, tuple[int, ...]]:
-    """The unit cell, finer towards the pillar's foot, and the axes along which it is halved."""
+    """Mesh the unit cell, finer towards the pillar's foot; returns it with the axes in which it is halved."""
     from geometry.tet import scenes
 
     is_mirrored = {"x", "y"} <= {*design.cell_mirrors}
-    with log.step("mesh the cell by tetrahedra"):
+    with log.step("mesh the cell with tetrahedra"):
         return scenes.tet_cell(design, edge_m, "xy" if is_mirrored else ""), (0, 1) if is_mirrored else ()
 
 
-ORDER, OFF = 2, 0.125  # without layers at the singular edges: frequencies up to so much too high
+ORDER, OFF = 2, 0.125  # coarse elements without graded layers: largest relative overestimate of a frequency
 QUIET = TerminalLog(True)
 
 
 @dataclass(frozen=True)
 class CoarseModes:
-    """The highest of the modes nearest to a frequency, Hz, and how many to ask each symmetry class for."""
+    """Highest of the modes nearest to a frequency, Hz, and the number to request from each symmetry class."""
 
     highest_hz: float
     counts: dict[str | None, int]
 
 
 def coarse_modes(case: Case, query: Request, choice: ModelChoice) -> CoarseModes | None:
-    """The modes of a request on a coarse mesh; None for a band, for what is reduced or meshed by tetrahedra, and where the
-    coarse mesh cannot tell.
+    """Solve the modes of a request on a coarse mesh; None for a band, a reduced part, tetrahedra, or if the solve fails.
 
-    All classes by quadratic elements; the class of the highest mode once more by elements for its frequency, without layers,
-    which puts it two per cent or so too high, and further where classes change places.
+    All classes use quadratic elements. The class of the highest mode is solved again with elements for its frequency but
+    without layers, which overestimates it by about two per cent, or more if classes change places.
     """
     near, count, fine = query.near_hz, query.count, choice.hexahedra
     if query.band_hz or near is None or count is None or choice.model != SOLID or choice.part == "plate":
@@ -253,8 +252,10 @@ def coarse_modes(case: Case, query: Request, choice: ModelChoice) -> CoarseModes
 
 
 def _needed_count(tones: FloatArray, near_hz: float, reach_hz: float, count: int) -> int:
-    """How many modes to ask a class for: of the lowest one more than may lie within reach; about a frequency the coarse
-    mesh does not tell on which side of it a mode lies.
+    """Number of modes to request from a class.
+
+    For the lowest modes it is one more than may lie within reach. Around a frequency it is the full count, because the
+    coarse mesh does not show on which side a mode lies.
     """
     return count if near_hz else min(count, int((tones <= (1.0 + OFF) * reach_hz).sum()) + 1)
 

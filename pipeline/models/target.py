@@ -1,7 +1,7 @@
-"""The target mode among the modes of a part, searched by one rule (`solvers.measures.target_mode`), and the verdict in words.
+"""Target mode among the modes of a part, found by one rule (`solvers.measures.target_mode`), and the verdict in words.
 
-What was asked for decides what is listed and saves solves. Where it lies elsewhere altogether, nothing is searched, and that
-is said.
+The search reuses the modes of the request. If the requested frequencies do not reach the target window, there is no search,
+and the verdict says so.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from solvers.measures.target_mode import (
 
 
 class ModeRow(ModeRecord):
-    """One mode: its record, where its vector is (class and column), and what its bar is made of (relative)."""
+    """One mode: its record, the place of its vector (class and column), and the relative parts of its error."""
 
     column: int = live()
     extension_db: float | None = live()
@@ -46,7 +46,7 @@ class ModeRow(ModeRecord):
 
 
 def widest_bar(rows: Sequence[ModeRow]) -> WidestBar:
-    """Find the widest bar of some modes, and what it is made of; unknown where one of them has no bar."""
+    """Find the largest error bar of some modes and its parts; unknown if one of them has none."""
     bars = [row.error for row in rows]
     known = [bar for bar in bars if bar is not None]
     if not known or len(known) < len(bars):
@@ -59,7 +59,7 @@ MEASURES = ("zone_share", "confinement_db", "mac", "strength", "extension_db")
 
 
 def mode_rows(modes: Modes, symmetry: str | None, measures: Confinement | None, first: int = 0) -> list[ModeRow]:
-    """Return one row a mode with columns counted from `first`; a measure without meaning is None."""
+    """Return one row per mode with columns counted from `first`; a measure without meaning is None."""
     return [
         ModeRow(
             frequency_hz=float(frequency),
@@ -83,18 +83,18 @@ def _number(value: float) -> float | None:
 # -- the search --------------------------------------------------------------------------------------------------------
 
 
-ROUNDS = 6  # widenings at most: each moves an end by a fifth of a frequency
-# of the expected strength: a mode that has it is the one expected, for all others together have less beside it
+ROUNDS = 6  # most widenings: each moves an end by a fifth of a frequency
+# of the expected strength: a mode with more is the expected one, because all others together have less
 SURE = 0.5
 
 
 @dataclass(frozen=True)
 class Target:
-    """The target mode among the modes of its symmetry class.
+    """Target mode among the modes of its symmetry class.
 
-    `rows` are all modes of the class from low_hz to high_hz, `beyond` those outside that the search went through; the verdict
-    counts both, one after another. `count` covers `rows` and is None where nothing was looked for: then `why` says what stands
-    against it. missing: bound of the weight of any mode that was not computed; 0 where none was asked for. reach_hz: where all
+    `rows` are all modes of the class from low_hz to high_hz, `beyond` those outside that the search examined; the verdict
+    numbers both consecutively. `count` covers `rows`; it is None if there was no search, and `why` then gives the reason.
+    missing: bound on the weight of any mode that was not computed, 0 if none was requested; reach_hz: interval in which all
     modes were computed.
     """
 
@@ -115,12 +115,12 @@ class Target:
 
     @property
     def status(self) -> Status:
-        """single, split or none."""
+        """Status of the verdict: single, split or none."""
         return self.verdict.status
 
     @property
     def row(self) -> ModeRow | None:
-        """The target mode; None where there is none."""
+        """The target mode, or None."""
         return None if self.verdict.index is None else (*self.rows, *self.beyond)[self.verdict.index]
 
     @property
@@ -130,11 +130,11 @@ class Target:
         return tuple(every[i] for i in self.verdict.rivals)
 
     def each(self, change: Callable[[ModeRow], ModeRow]) -> Target:
-        """The same verdict over rows that were changed one by one."""
+        """Apply a function to every mode; the verdict stays."""
         return replace(self, rows=tuple(map(change, self.rows)), beyond=tuple(map(change, self.beyond)))
 
     def record(self, **more: Any) -> TargetRecord:
-        """The mode, its rivals, the window, and the mode's part of the shape in it."""
+        """Record of the mode, its rivals, the window, and the mode's share of the target shape there."""
         rivals = [RivalRecord.of(rival) for rival in self.rivals]
         more |= {"status": self.status, "share": self.verdict.share, "rivals": rivals}
         more |= {"window_hz": [self.low_hz, self.high_hz], "driven_confinement_db": None}
@@ -152,11 +152,11 @@ def look(
 ) -> Target:
     """Search the target mode from a window outwards, reusing the `rows` of its class that are already known.
 
-    `solve` returns every mode of the class between two frequencies, `largest` what any one outside an interval may have of the
-    shape. The outcome is the same whatever is known.
+    `solve` returns every mode of the class between two frequencies, `largest` an upper bound on the share of the shape that
+    a mode outside an interval can have. The result does not depend on `rows`.
     """
     if known.high_hz < window_hz[0] or known.low_hz > window_hz[1]:
-        return Target(NONE, (), *window_hz, None, "the frequencies asked for do not reach it")
+        return Target(NONE, (), *window_hz, None, "the requested frequencies do not reach it")
     found = search(window_hz, (known.low_hz, known.high_hz), rows, lambda low, high: solve(low, high)[0], largest)
     low, high = found.window_hz
     inside = [low <= row.frequency_hz <= high for row in found.modes]
@@ -175,7 +175,7 @@ def look_about(
     rows: tuple[ModeRow, ...],
     solve: Callable[[float, float], tuple[tuple[ModeRow, ...], Count]],
 ) -> Target:
-    """Search the mode that another model has, from the narrow window of the `rows` outwards, by half of it on each side."""
+    """Search a mode found by another model from the window of the `rows` outwards, by half its width on each side."""
     for _ in range(ROUNDS):
         outcome = look_among(rows, known)
         if outcome.row is not None and (outcome.row.strength or 0.0) >= SURE * expected.strength:
@@ -187,7 +187,7 @@ def look_about(
 
 
 def look_among(rows: tuple[ModeRow, ...], known: Count) -> Target:
-    """Give the verdict over the modes at hand, where no others can be computed."""
+    """Return the verdict over the given modes alone."""
     reach, missing = (known.low_hz, known.high_hz), missing_strength(rows)
     judged = verdict(*measures(rows), missing=missing) if rows else NONE
     return Target(judged, rows, *reach, known, missing=missing, reach_hz=reach)
@@ -217,13 +217,13 @@ def _joined(low: Count, high: Count) -> Count:
 
 
 def verdict_text(target: Target, design: Design) -> list[str]:
-    """Say which mode is the target mode, or why none is."""
+    """Name the target mode, or explain why there is none."""
     name, row = f"(0, {design.nodal_lines})", target.row
     window = interval(target.low_hz, target.high_hz, to=" and ")
     if row is None and target.count is None:
         return [f"The target {name} mode is expected between {window}: {target.why}."]
     if row is None:
-        return [f"No mode between {window} has the target {name} shape: the best are less than half alike (MAC)."]
+        return [f"No mode between {window} has the target {name} shape: every MAC is below one half."]
     level_text = _level(row)
     tone = frequency_with_bar(row.frequency_hz, row.error)
     if target.status == "single":
@@ -237,7 +237,7 @@ def verdict_text(target: Target, design: Design) -> list[str]:
 
 
 def _outside(target: Target) -> str:
-    """Say what modes that were not computed may carry, where that could rival the strongest."""
+    """State the possible strength of modes that were not computed, if it could rival the strongest."""
     if not target.is_open or target.reach_hz is None:
         return ""
     reach = interval(*target.reach_hz)
@@ -263,7 +263,7 @@ def _alone(row: ModeRow) -> str:
 
 
 def warn_of_target(target: Target, case: Case, log: Log) -> None:
-    """Log which mode is the target mode; a warning where none is, or where several share its shape."""
+    """Log the target mode; warn if there is none, or if several modes share its shape."""
     (said,) = verdict_text(target, case.design)
     if target.status == "single":
         log.info(said)

@@ -1,4 +1,4 @@
-"""Plates of a case whose pillars differ, as printed ones do: each solved in a small space of the nominal plate's answers."""
+"""Plates of a case with printing tolerances: each is solved in a small space of the nominal plate's modes and responses."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from solvers.threads import one_thread
 from solvers.variation.cells import VariedReductions
 from solvers.variation.samples import ChangedPlate, Deviations, VariedPlate
 
-DRAWN = 241  # of the curves kept for the picture
-AROUND = 0.08  # of the nominal peak, on both sides: what the picture shows
-NARROWER = (0.875, 1.15)  # of the band: the smaller space that tells how far the space decides the answer
+DRAWN = 241  # points of the curves in the figure
+AROUND = 0.08  # of the nominal peak, on both sides: range of the figure
+NARROWER = (0.875, 1.15)  # of the band: the smaller space that shows the influence of the space on the result
 MEASURES = ("peak_hz", "confinement_db")
 
 
 @dataclass(frozen=True)
 class VariedPlates:
-    """The nominal plate and the samples, each measured at its target mode, tracked by its shape.
+    """Nominal plate and samples, each measured at its target mode, which is tracked by its shape.
 
-    curves (samples + 1, n): the zone's rms over frequency, the nominal one first. The checks hold what a narrower space, and
-    pillars reduced instead of interpolated, change; loss is 1/Q.
+    curves (samples + 1, n): rms of the zone over frequency, the nominal plate first. The checks hold the changes due to a
+    narrower space, and due to pillars that are reduced instead of interpolated; loss is 1/Q.
     """
 
     pillars: int
@@ -54,7 +54,7 @@ class VariedPlates:
 def solve(
     case: Case, given: ToleranceTable, choice: ModelChoice, band_hz: tuple[float, float], log: Log
 ) -> VariedPlates:
-    """Compute the samples of a tolerance over a band. Raises InputError for a model that cannot be varied."""
+    """Compute the samples of a tolerance over a band; InputError for a model that cannot be varied."""
     plate = _varied(case, given, choice, band_hz, log)
     count = len(plate.pillars)
     changes = Deviations(given.height_m, given.side_m, given.position_m).draw(count, given.samples, given.seed)
@@ -70,7 +70,7 @@ def solve(
     with log.step("a sample in a smaller space"):
         narrower = NARROWER[0] * band_hz[0], NARROWER[1] * band_hz[1]
         space_check = _space_check(plate, changes[0], samples[0], narrower)
-    with log.step("pillars as interpolated and as reduced"):
+    with log.step("pillars interpolated and reduced"):
         interpolated, reduced = (_measured(one) for one in plate.checked())
     off = _apart(interpolated, reduced)
     curves = np.array([first, *more])
@@ -78,20 +78,17 @@ def solve(
 
 
 def _elsewhere(case: Case, band: tuple[float, float], target_hz: float | None) -> str:
-    """Say that a band does not hold the target mode, and where that lies."""
+    """Explain that a band does not contain the target mode, and give its frequency."""
     about = f"{khz(band[0])} to {khz(band[1])}"
     if target_hz is None:
-        return f"{case.name}: no mode of the plate has the target shape, which a tolerance follows"
-    return (
-        f"{case.name}: the target mode, which a tolerance follows, lies at {khz(target_hz)}, outside {about}: give another "
-        "--band or solve.band_kHz"
-    )
+        return f"{case.name}: [tolerance]: needs a target mode to track, but no mode of the plate has the target shape"
+    return f"{case.name}: [tolerance]: the target mode at {khz(target_hz)} is outside {about}: change --band or solve.band_kHz"
 
 
 def _sampled(
     plate: VariedPlate, changes: FloatArray, shown: FloatArray, log: Log
 ) -> tuple[list[SampleRecord], list[FloatArray]]:
-    """Measure every sample, and the rms on the zone at the frequencies of the figure."""
+    """Measure every sample, and the rms of the zone at the frequencies of the figure."""
     samples, curves = [], []
     for number, change in enumerate(changes, start=1):
         with log.step(f"sample {number} of {len(changes)}"):
@@ -109,8 +106,8 @@ def _varied(case: Case, given: ToleranceTable, choice: ModelChoice, band: tuple[
         refuse_patches(case, band)
     if choice.model != SUPERELEMENT or choice.kind != HEX or choice.reduction is None:
         raise InputError(
-            f"{case.name}: [tolerance]: pillars are varied in assembled cells of hexahedra: solve.model must be auto or "
-            "superelement, solve.mesh auto or hex"
+            f"{case.name}: [tolerance]: varied pillars need assembled cells of hexahedra: set solve.model to auto or "
+            "superelement, and solve.mesh to auto or hex"
         )
     reach = Deviations(given.height_m, given.side_m, given.position_m).reach_m
     reductions = VariedReductions(
@@ -124,9 +121,9 @@ def _varied(case: Case, given: ToleranceTable, choice: ModelChoice, band: tuple[
     with log.step("reduce cells and their changes"):
         model = PlateModel(design, reductions)
     log.info(
-        f"{len(reductions.families)} kinds of pillar cells, each interpolated between "
-        f"{1 + max(len(family.nodes) for family in reductions.families.values())} reductions: "
-        f"{reductions.fresh} panels reduced now, {reductions.reused} taken from the cache"
+        f"{len(reductions.families)} distinct pillar cells, each interpolated between "
+        f"{1 + max(len(family.nodes) for family in reductions.families.values())} reductions; "
+        f"{reductions.fresh} panels reduced, {reductions.reused} loaded from the cache"
     )
     if case.patches:
         forced = driven(case, model, band, log)
@@ -135,18 +132,16 @@ def _varied(case: Case, given: ToleranceTable, choice: ModelChoice, band: tuple[
         with log.step("modes of the plate"):
             window = mesh_rules.search_window_hz(design)
             forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality_factor), target_window_hz=window)
-    with log.step("the space of the samples"):
+    with log.step("build the space of the samples"):
         plate = VariedPlate(forced, reductions.families)
     log.info(
-        f"{len(plate.pillars)} pillars, each of its own; {plate.space.size} nominal modes and answers hold every sample"
+        f"samples: {len(plate.pillars)} independent pillars, in a space of {plate.space.size} nominal modes and responses"
     )
     return plate
 
 
 def _measured(sample: ChangedPlate) -> SampleRecord:
-    """Measure the response at the mode into which the nominal target mode has turned, between the points of any
-    grid.
-    """
+    """Measure the response at the mode that the nominal target mode has become, independently of any frequency grid."""
     tone, tracking = sample.tracked_hz, sample.tracked.status
     if tone is None:
         return SampleRecord(peak_hz=None, zone_rms=None, confinement_db=None, quality_factor=None, tracking=tracking)
@@ -165,14 +160,14 @@ def _shown(peak_hz: float, band: tuple[float, float]) -> FloatArray:
 def _space_check(
     plate: VariedPlate, change_m: FloatArray, sample: SampleRecord, band_hz: tuple[float, float]
 ) -> dict[str, float | None]:
-    """How far a sample lies from itself in the space of a narrower band; None where that is no other space."""
+    """Change of a sample in the space of a narrower band; None if that space is the same."""
     if not plate.space.is_wider(band_hz):
         return dict.fromkeys(MEASURES)
     return _apart(_measured(plate.sample(change_m, band_hz)), sample)
 
 
 def _apart(first: SampleRecord, second: SampleRecord) -> dict[str, float | None]:
-    """How far two measures of a plate lie apart; None where one of them has none."""
+    """Differences between two measurements of a plate; None where one of them is missing."""
     apart: dict[str, float | None] = {}
     for name in MEASURES:
         one, other = getattr(first, name), getattr(second, name)

@@ -1,6 +1,6 @@
-"""A fingertip on the driven plate: its states, loads and friction at one place, and the map of all places.
+"""Fingertip on the driven plate: states, loads and friction at one place, and the map of all places.
 
-Their error bars are by mesh, reduction, bonding and the integrals over the contact.
+Error bars include discretisation, reduction, bonding and the integrals over the contact.
 """
 
 from __future__ import annotations
@@ -53,14 +53,14 @@ from solvers.touch.effects import (
 )
 from solvers.touch.touched_plate import Finger, Power, TouchedPlate, integration_error, missing_flexibility, power
 
-PER_LOAD = ("finger_m", "zone_rms_m", "passive_rms_m", "sensor_V")  # unknown where the loads' own error is
-LOWER = 2  # degrees of the polynomials over the contact that are left out, at most, to show what further ones bring
+PER_LOAD = ("finger_m", "zone_rms_m", "passive_rms_m", "sensor_V")  # errors unknown if that of the loads is
+LOWER = 2  # highest polynomial degrees over the contact that are omitted to estimate the effect of further ones
 Figures = dict[tuple[str, str], float]
 
 
 @dataclass(frozen=True)
 class Session:
-    """The plate of a case, free and touched, at the free plate's peak; `unknown` collects why figures are left out."""
+    """Plate of a case, free and touched, at the free plate's peak; `unknown` collects the reasons for missing figures."""
 
     case: Case
     touch: Touch
@@ -71,19 +71,19 @@ class Session:
 
     @property
     def drive_v(self) -> float:
-        """The case's drive."""
+        """Drive voltage of the case, V."""
         assert self.case.patches is not None
         return self.case.patches.drive_v
 
     @property
     def loss_tangent(self) -> float | None:
-        """Of the patches' dielectric."""
+        """Dielectric loss tangent of the patches."""
         assert self.case.patches is not None
         return self.case.patches.material.loss_tangent
 
 
 def states_of(session: Session, loaded_hz: float | None, loop: LoopRecord | None) -> list[TouchStateRecord]:
-    """Free and touched at constant voltage, retuned to the loaded mode, held by the loop, with voltages shaped for contrast."""
+    """Compute the states: free, touched, retuned to the loaded mode, held by the loop, and shaped for contrast."""
     volts, peak = session.drive_v, session.peak_hz
     states = [
         _state(session, session.free, "free", peak, volts),
@@ -96,7 +96,7 @@ def states_of(session: Session, loaded_hz: float | None, loop: LoopRecord | None
         states.append(_state(session, session.touched, "held", peak, needed))
     shaped = contrast_volts(session.free, peak)
     if shaped is None:
-        session.unknown["shaped drive: it needs two driving patches fed by a voltage, and a passive face"] = None
+        session.unknown["shaped drive: needs two actuators driven by a voltage, and a passive face"] = None
     else:
         states.append(_state(session, session.touched.driven_by(shaped), "shaped", peak, volts))
     return states
@@ -105,7 +105,7 @@ def states_of(session: Session, loaded_hz: float | None, loop: LoopRecord | None
 def friction_ratio(
     session: Session, gap_m: float, amplitude_m: float, frequency_hz: float, warn: bool = False
 ) -> float | None:
-    """mu over mu at rest at a gap; None where the relation says nothing, which `warn` keeps the reason of."""
+    """Friction over that at rest for a gap; None outside the range of the relation, with the reason kept if `warn`."""
     force = session.touch.force_n
     assert force is not None
     try:
@@ -117,9 +117,9 @@ def friction_ratio(
 
 
 def loop_of(session: Session) -> LoopRecord | None:
-    """At the free plate's peak, where the controller's oscillator stays, the drive that keeps the first sensor's amplitude."""
+    """Drive that keeps the first sensor's amplitude at the free plate's peak, where the controller's oscillator stays."""
     if not session.free.sensors:
-        session.unknown["closed loop: no patch listens, so that none tells the amplitude"] = None
+        session.unknown["closed loop: needs a sensor patch to measure the amplitude"] = None
         return None
     free, touched = (
         float(abs(plate.curve(np.array([session.peak_hz])).sensor_v_per_v[0, 0]))
@@ -131,7 +131,7 @@ def loop_of(session: Session) -> LoopRecord | None:
 
 
 def _bars_of(part: type[Part], *others: str) -> dict[str, str]:
-    """Return the fields of a part that have an error bar, with the fields that hold it, without those set apart."""
+    """Map the fields of a part that have an error bar to the fields that hold it, except `others`."""
     return {name: each.error for name, each in part.declared.items() if each.error and name not in others}
 
 
@@ -148,7 +148,7 @@ def with_bars(
     mode: LoadedModeRecord | None, states: list[TouchStateRecord], loop: LoopRecord | None, session: Session,
     solved: LoadedMode | None, share: float | None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return mode, states and loop by name with the half-widths of their figures' bars; None where they are not known."""
+    """Return mode, states and loop by name with the errors of their figures; None where unknown."""
     nominal = _figures(session, solved)
     errors = frequency_errors(session.touched)
     half = _half_widths(session, solved, nominal, errors, share)
@@ -170,7 +170,7 @@ def with_bars(
 
 
 def with_map_bars(record: TouchMapRecord, session: Session, places: Places, share: float | None) -> TouchMapRecord:
-    """The map with the half-widths of its figures' bars; without them where they are not known."""
+    """Add the errors of its figures to the map, if they are known."""
     free = session.free.free
     known = doubts(free, share, free.all_modes)
     missing = missing_at_ends(places)
@@ -188,7 +188,7 @@ def with_map_bars(record: TouchMapRecord, session: Session, places: Places, shar
 
 
 def contacts_at(places: Places, numbers: IntArray) -> Contacts:
-    """The plate seen from its patches and the points of the contacts at some places, loads scaled by the roots of weights."""
+    """Receptances between the patches and the contact points at some places; loads are scaled by the roots of the weights."""
     touched, plate = places.touched, places.touched.plate
     loads, scaled = places.loads(numbers)
     return Contacts.of(
@@ -205,8 +205,9 @@ def contacts_at(places: Places, numbers: IntArray) -> Contacts:
 
 
 def missing_at_ends(places: Places) -> float | None:
-    """The largest flexibility under a finger that the reduced panels lack, m/N: at its own place, or at the map's corner, where
-    two free sides are near; None where one is not known.
+    """Largest flexibility under a finger that the reduced panels lack, m/N; None if one is unknown.
+
+    It is evaluated at the finger's own place and at the corner of the map, which is close to two free sides.
     """
     touched, finger = places.touched, places.touched.finger
     if finger.tip.is_nothing:
@@ -222,9 +223,9 @@ def solve(
     case: Case, log: Log, band_hz: tuple[float, float] | None, mapped: bool, forced: ForcedPlate | None,
     meshes: list[MeshRecord],
 ) -> dict[str, Any]:  # fmt: skip
-    """Put the case's finger on its plate, `forced` where that is solved already; returns columns of `TouchResult` by name.
+    """Place the case's finger on its plate, or on `forced` if it is solved already; returns columns of `TouchResult` by name.
 
-    SolverError where the band holds no target mode.
+    Raises SolverError if the band contains no target mode.
     """
     session = _session(case, forced or forced_plate(case, log, band_hz, meshes), log)
     with log.step("the finger's states"):
@@ -277,7 +278,7 @@ def _milliwatts_at_1_um(flow: Power) -> float | None:
 
 
 def _friction(session: Session, amplitude_m: float, frequency_hz: float) -> tuple[float | None, float | None]:
-    """mu over mu at rest at the low and at the high gap; what is unknown leaves its reason."""
+    """Friction over that at rest for the smallest and the largest gap; an unknown value adds its reason."""
     gaps = session.touch.gap_m
     if not gaps:
         session.unknown["friction: touch.gap_um and touch.force_N are not given"] = None
@@ -287,7 +288,7 @@ def _friction(session: Session, amplitude_m: float, frequency_hz: float) -> tupl
 
 
 def _figures(session: Session, mode: LoadedMode | None) -> Figures:
-    """Every figure that has a bar, by the part of the record and its name."""
+    """Every figure that has an error bar, by the part of the record and its name."""
     loop = loop_of(session)
     figures: Figures = {}
     for state in states_of(session, mode.frequency_hz if mode else None, loop):
@@ -331,7 +332,7 @@ def _driven_session(session: Session, each: Variation | Louder) -> Session:
 
 
 def _of_contact(session: Session, nominal: Figures, again: Callable[..., FloatArray]) -> FloatArray:
-    """What polynomials beyond the finger's degree, the disk's own points, and modes beyond the band are worth."""
+    """Errors due to polynomials above the finger's degree, the points of the disc, and modes outside the band."""
     finger, values = session.touched.finger, np.array(list(nominal.values()))
     if finger.tip.is_nothing:
         return np.zeros_like(values)
@@ -353,9 +354,7 @@ def _of_contact(session: Session, nominal: Figures, again: Callable[..., FloatAr
 
 
 def _of_places(places: Places, numbers: IntArray, known: Doubts, missing: float) -> FloatArray:
-    """Half-widths (3, t) of motion under the contacts, free and touched, and of the free sensor's voltage over the touched
-    plate's, per volt.
-    """
+    """Errors (3, t), per volt, of the motion under the contacts, free and touched, and of the sensor voltage ratio."""
     touched, finger, plate = places.touched, places.touched.finger, places.touched.plate
     contacts, at = contacts_at(places, numbers), plate.scale.eigenvalue(places.frequency_hz)
     points = len(places.points.weights)
@@ -386,7 +385,7 @@ def _some(count: int) -> Iterator[IntArray]:
 
 
 def _friction_errors(session: Session, record: TouchMapRecord, half_m: FloatArray) -> list[list[float | None]]:
-    """What an amplitude at either end of its bar makes of the friction; None where the relations say nothing there."""
+    """Errors of the friction from those of the amplitude; None where the relations do not hold at the ends."""
     assert session.touch.gap_m is not None and record.friction is not None
     gap = sqrt(session.touch.gap_m[0] * session.touch.gap_m[1])
 
@@ -402,7 +401,7 @@ def _friction_errors(session: Session, record: TouchMapRecord, half_m: FloatArra
 
 
 def _missing(touched: TouchedPlate, finger: Finger) -> FloatArray | None:
-    """The flexibility under a finger that the reduced panels lack; None where it is not known."""
+    """Flexibility under a finger that the reduced panels lack; None if it is unknown."""
     plate = touched.plate
     if not isinstance(plate, PatchedPlate) or plate.beneath is None:
         return None
@@ -410,12 +409,9 @@ def _missing(touched: TouchedPlate, finger: Finger) -> FloatArray | None:
 
 
 def _lost(session: Session) -> str:
-    """Return why nothing is said of the target mode under the finger."""
+    """Explain why the target mode under the finger is unknown."""
     known = interval(*(share * end for share, end in zip(session.touched.margin, session.touched.band_hz, strict=True)))
-    return (
-        f"the target mode under the finger: the finger moves it out of the range whose modes are known, {known}; "
-        "widen --band"
-    )
+    return f"target mode under the finger: the finger shifts it out of the range of known modes, {known}; widen --band"
 
 
 def _session(case: Case, forced: ForcedPlate, log: Log) -> Session:
@@ -426,7 +422,7 @@ def _session(case: Case, forced: ForcedPlate, log: Log) -> Session:
     if tone is None or not low <= tone <= high:
         where = "no mode of the plate has its shape" if tone is None else f"it lies at {frequency(tone)}"
         raise SolverError(
-            f"the band from {low / KHZ:g} to {high / KHZ:g} kHz does not hold the target mode to touch: {where}"
+            f"the band from {low / KHZ:g} to {high / KHZ:g} kHz does not contain the target mode: {where}"
         )
     with log.step("modes that the finger moves"):
         finger = Finger(touch.tip, touch.at_m, touch.radius_m).following(case.design, high)
@@ -439,10 +435,10 @@ def _map(session: Session, loop: LoopRecord | None, log: Log, mapped: bool) -> T
     needed, room = needed_bytes(session.touched, points), room_bytes()
     if not mapped or needed > room:
         takes, free = (f"{figure(each / GIB)} GiB" for each in (needed, room))
-        lack = f"{len(points.points_m)} points of its contacts need {takes}, {free} are free"
-        log.left_out("the map of the touch face", lack if mapped else "not asked for")
+        lack = f"its {len(points.points_m)} contact points need {takes}, but only {free} is free"
+        log.left_out("the map of the touch face", lack if mapped else "not requested")
         return None
-    with log.step(f"the finger at {' x '.join(str(len(each)) for each in points.places)} places"):
+    with log.step(f"place the finger at {' x '.join(str(len(each)) for each in points.places)} points"):
         places = Places.of(session.touched, points, session.peak_hz)
         return with_map_bars(_map_record(session, loop, places.map()), session, places, calibration.mixing())
 
@@ -471,7 +467,7 @@ def _in_phase(field: ComplexArray) -> ComplexArray:
 
 
 def _about(session: Session) -> dict[str, Any]:
-    """Return what the finger is, and why figures are missing."""
+    """Return the properties of the finger, and the reasons for missing figures."""
     touch, plate, finger = session.touch, session.touched.plate, session.touched.finger
     return {
         "model": f"{plate.name} with {len(plate.patches)} patches",

@@ -1,4 +1,4 @@
-"""Waves that travel inside the zone, their power, and the shear that they leave under a finger."""
+"""Waves that travel inside the zone, their power, and the shear that they exert on a finger."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ from solvers.touch.effects import (
 from solvers.touch.touched_plate import Finger, TouchedPlate
 
 ALONG, ACROSS = 61, 5  # points over the zone: an odd number across has its centre line
-MIN_SHARE = 0.1  # of a mode's mass that moves in the shape asked for
-NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the wave is judged
-MAX_WINDOW = 0.3  # of the length, at each end, that is left out at most
+MIN_SHARE = 0.1  # of a mode's mass that moves in the required shape
+NEAR_FIELD = 0.1  # of the near field of the ends, e^{-kx}, at the limits of the window
+MAX_WINDOW = 0.3  # of the length: largest margin outside the window at each end
 
 FIGURES = {
     "twr": "twr_error",
@@ -77,7 +77,7 @@ Field = list[list[float | None]]
 
 @dataclass(frozen=True)
 class Travelling:
-    """The pair held on the plate, and what the table for the board is made from: patterns by name, volts of the drivers."""
+    """The pair of modes driven on the plate, and the patterns of the board's table: voltages of the drivers by name."""
 
     forced: ForcedPlate
     table: ModalTable
@@ -105,14 +105,14 @@ class Travelling:
         return sensor_matrix(self.table, self.pair.frequency_hz)
 
     def all_volts(self, volts: ComplexArray) -> ComplexArray:
-        """Voltages of every patch as `ForcedPlate.driven_by` takes them."""
+        """Voltages of every patch in the form of `ForcedPlate.driven_by`."""
         every = np.zeros(len(self.forced.plate.patches), dtype=complex)
         every[self.forced.drivers] = volts
         return every
 
 
 class Driven(NamedTuple):
-    """How the patches hold a wave: volts (patches,) in V and the frequency, of the plate or of one within its bars."""
+    """Drive of a wave: voltages (patches,) in V and the frequency, for the plate or a variation within its error bars."""
 
     volts: ComplexArray
     frequency_hz: float
@@ -121,9 +121,9 @@ class Driven(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Spots:
-    """The finger at three places: of the fastest crest and of the largest net shear at least and at most.
+    """Finger at three places: those of the fastest crest and of the largest lower and upper bounds of the net shear.
 
-    rows: u_x at them per unit of the columns of the groups that are driven, (3, columns) each.
+    rows: u_x at them per unit of the columns of the driven groups, (3, columns) each.
     """
 
     case: Case
@@ -141,7 +141,7 @@ class _Spots:
         return cls(case, places, numbers, contacts_at(places, numbers), rows)
 
     def figures(self, driven: Driven, factor: float = 1.0, missing_m_n: float = 0.0) -> FloatArray:
-        """Crest speed, net shear at least and at most, (3,); NaN where one is not known."""
+        """Crest speed, and lower and upper bounds of the net shear, (3,); NaN where unknown."""
         touched, points = self.places.touched, self.places.points
         tone, root, free = driven.frequency_hz, np.sqrt(points.weights), touched.free
         contacts, at = self._contacts(driven.each), touched.plate.scale.eigenvalue(tone)
@@ -169,7 +169,7 @@ class _Spots:
         return np.array([speed, low[0][1], high[0][2]], dtype=float)
 
     def _contacts(self, each: Variation | Louder | None) -> Contacts:
-        """Of a plate within the bars: other eigenvalues, modes mixed, louder patches."""
+        """Contacts of a plate varied within its error bars: other eigenvalues, mixed modes, stronger patches."""
         if each is None:
             return self.contacts
         gains, value, first = self.contacts.gains.copy(), self.contacts.value.copy(), 0
@@ -187,9 +187,9 @@ class _Spots:
 def solve_travelling(
     case: Case, log: Log, band_hz: tuple[float, float] | None, others: float, meshes: list[MeshRecord]
 ) -> tuple[dict[str, Any], Travelling]:
-    """Hold the target mode and its neighbour with one nodal line more or less; the pair that runs best.
+    """Drive the target mode with its neighbour of one nodal line more or less, whichever gives the better travelling wave.
 
-    Returns columns of `TravelResult` by name, and what they are made from. SolverError where the band does not hold both modes.
+    Returns columns of `TravelResult` by name, and the wave itself. Raises SolverError if the band lacks one of the modes.
     """
     forced = forced_plate(case, log, band_hz, meshes)
     with log.step("two modes a quarter period apart"):
@@ -202,7 +202,7 @@ def solve_travelling(
 
 
 def best_pair(forced: ForcedPlate, design: Design, others: float, rows: list[FloatArray] | None = None) -> Travelling:
-    """The better of the pairs (N, N - 1) and (N, N + 1) among the plate's own modes, and further drives for the board."""
+    """Find the better of the mode pairs (N, N - 1) and (N, N + 1) of the plate, and further drives for the board."""
     points, line = _points(design)
     middle = 0.5 * sum(forced.band_hz)
     known = motion_at(forced, points) if rows is None else rows
@@ -221,8 +221,8 @@ def best_pair(forced: ForcedPlate, design: Design, others: float, rows: list[Flo
     if not candidates:
         low, high = (end / KHZ for end in forced.band_hz)
         raise SolverError(
-            f"the band from {low:g} to {high:g} kHz does not hold the target mode and a neighbour with one nodal line more or "
-            "less: widen it"
+            f"the band from {low:g} to {high:g} kHz does not contain the target mode and a neighbour with one nodal line more "
+            "or less: widen the band"
         )
     _, best, pair = max(candidates, key=lambda each: each[0])
     volts = pair.drive.voltages
@@ -235,7 +235,7 @@ def best_pair(forced: ForcedPlate, design: Design, others: float, rows: list[Flo
 
 
 def share_of(table: ModalTable, design: Design, lines: int) -> FloatArray:
-    """Share of each mode's mass that moves as the zone's shape with so many nodal lines, (modes,)."""
+    """Share of each mode's mass that moves in the zone's shape with `lines` nodal lines, (modes,)."""
     shape = target_shape(replace(design, nodal_lines=lines), table.points_m)
     per_point = design.stack.mass_kg_m2 * design.length_m * design.width_m / len(shape)
     return np.asarray(per_point * (table.field @ shape) ** 2 / (shape @ shape))
@@ -246,9 +246,9 @@ def solve_shear(
     case: Case, forced: ForcedPlate, driven: Driven, wavenumber_per_m: float, log: Log,
     varied: Sequence[tuple[Driven, ...]] = (),
 ) -> ShearRecord | None:  # fmt: skip
-    """The case's finger at every place while the patches hold a wave. None without [touch], or without memory.
+    """Place the case's finger at every point of a driven wave; None without [touch] or with too little memory.
 
-    varied: how plates within the bars are driven, those of one source together; without them there are no bars.
+    varied: drives of plates varied within their error bars, grouped by source; without them there are no error bars.
     """
     touch = case.touch
     if touch is None:
@@ -259,10 +259,10 @@ def solve_shear(
     needed, room = needed_bytes(touched, points), room_bytes()
     if needed > room:
         log.left_out(
-            "the finger on the wave", f"{figure(needed / GIB)} GiB are needed, {figure(room / GIB)} GiB are free"
+            "the finger on the wave", f"it needs {figure(needed / GIB)} GiB, but only {figure(room / GIB)} GiB is free"
         )
         return None
-    with log.step("the finger on the wave"):
+    with log.step("place the finger on the wave"):
         places = Places.of(touched, points, frequency_hz)
         mapped = places.map()
         motion = _motion(case, forced.driven_by(volts), mapped)
@@ -287,13 +287,13 @@ def solve_shear(
 
 
 def _reversed(table: ModalTable, pair: ModePair, window: BoolArray, others: float) -> ComplexArray:
-    """The same pair towards -x: its places turned round."""
+    """Voltages of the pair towards -x, found from its mirrored places."""
     turned = replace(table, points_m=table.points_m * np.array([-1.0, 1.0]))
     return travelling_pair(turned, pair.modes, window, others).drive.voltages
 
 
 def _points(design: Design) -> tuple[FloatArray, BoolArray]:
-    """Points over the zone (p, 2), m, and which of them are on its centre line."""
+    """Points over the zone (p, 2), m, and the mask of those on its centre line."""
     half = design.length_m / 2.0
     step = 2.0 * half / ALONG
     x = np.linspace(-half + step / 2.0, half - step / 2.0, ALONG)
@@ -303,7 +303,7 @@ def _points(design: Design) -> tuple[FloatArray, BoolArray]:
 
 
 def _window(design: Design) -> tuple[float, float]:
-    """From where to where the wave is judged, m: free of the ends' near field."""
+    """Limits along x of the evaluated wave, m: outside the near field of the ends."""
     k = pi / (design.half_wavelength_m or design.width_m)
     margin = min(-log(NEAR_FIELD) / k, MAX_WINDOW * design.length_m)
     return margin - design.length_m / 2.0, design.length_m / 2.0 - margin
@@ -316,7 +316,7 @@ def _mode(table: ModalTable, design: Design, lines: int) -> int | None:
 
 
 def _values(wave: Travelling, design: Design) -> dict[str, Any]:
-    """Return the columns of a wave without their bars; figures of power and field for 1 um rms in the zone."""
+    """Return the columns of a wave without their errors; power and field are for 1 um rms in the zone."""
     pair, volts, tone = wave.pair, wave.drives["pair+"], wave.pair.frequency_hz
     plate = wave.forced.driven_by(wave.all_volts(volts))
     curve, flow = plate.curve(np.array([tone])), power_flow(plate, tone)
@@ -367,9 +367,9 @@ def _driven(wave: Travelling, values: dict[str, Any], each: Variation | Louder |
 def _bars(
     values: dict[str, Any], forced: ForcedPlate, design: Design, others: float
 ) -> tuple[dict[str, Any], list[tuple[Driven, ...]]]:
-    """Return the columns with half-widths of bars, and how plates within the bars are driven.
+    """Return the columns of errors, and the drives of plates varied within their error bars, grouped by source.
 
-    Plates of one source together; nothing where the bars are not known, no plates where one of them has no such wave.
+    There are no columns if the errors are unknown, and no drives if one of the plates has no such wave.
     """
     errors, share = frequency_errors(forced), calibration.mixing()
     if share is None or not is_known(errors):
@@ -409,7 +409,7 @@ def _bars(
 
 
 def _figures(values: dict[str, Any]) -> FloatArray:
-    """Return every figure that has a bar: those of FIGURES and LISTS, of the field its size, both modes, the frequency."""
+    """Return every figure with an error bar: FIGURES, LISTS (the field by its magnitude), both modes, the frequency."""
     known = [values[name] for name in FIGURES if values[name] is not None]
     lists = [np.abs(values[name]) if name == "field_m" else values[name] for name in LISTS]
     of_modes = [value for mode in values["modes"] for value in (mode.frequency_hz, mode.share)]
@@ -423,7 +423,7 @@ def _neighbours(design: Design) -> tuple[int, ...]:
 def _with_bars(
     record: ShearRecord, case: Case, places: Places, driven: Driven, varied: Sequence[tuple[Driven, ...]]
 ) -> ShearRecord:
-    """The record with the half-widths of the bars of its largest crest and shears, each at its own place."""
+    """Add the errors of the largest crest speed and shears, each at its own place."""
     fields = [record.crest_m_s, record.shear_low, record.shear_high]
     sizes = [None if each is None else np.nan_to_num(np.abs(np.array(each, dtype=float))) for each in fields]
     spots = [0 if size is None else int(np.argmax(size)) for size in sizes]
@@ -439,7 +439,7 @@ def _with_bars(
 
 
 def _motion(case: Case, forced: ForcedPlate, mapped: TouchMap) -> CrestMotion:
-    """The free plate's own motion along x, and (h/2) dw/dx of what the finger changes."""
+    """Motion of the free plate along x, plus (h/2) dw/dx of the change due to the finger."""
     places = np.stack(np.meshgrid(mapped.x_m, mapped.y_m, indexing="ij"), axis=-1)
     along = forced.motion_by(lambda group: face_motion(group, places.reshape(-1, 2), 0), mapped.frequency_hz)
     free = along.reshape(mapped.under.shape)
@@ -448,21 +448,23 @@ def _motion(case: Case, forced: ForcedPlate, mapped: TouchMap) -> CrestMotion:
 
 
 def _why_not(touch: Touch, wavenumber_per_m: float) -> str | None:
-    """Why nothing is said of the shear; None where the relations can be asked."""
+    """Reason why the shear is unknown; None if the relations apply."""
     if touch.force_n is None or touch.gap_m is None:
         return "touch.gap_um and touch.force_N are not given"
     if 2.0 * touch.radius_m * wavenumber_per_m > MAX_WAVE_SHARE * 2.0 * pi:
         half = pi / wavenumber_per_m / MM
-        return f"the contact is {2.0 * touch.radius_m / MM:g} mm wide, more than half a wave of {figure(half)} mm"
+        return (
+            f"the contact is {2.0 * touch.radius_m / MM:g} mm wide, more than the half-wavelength of {figure(half)} mm"
+        )
     return None
 
 
 def _shear(
     touch: Touch, amplitude_m: FloatArray, motion: CrestMotion, frequency_hz: float
 ) -> tuple[Field, Field, str | None]:
-    """Net shear over the friction at rest, signed, at least and at most; and why it is left out at the first such place.
+    """Lower and upper bounds of the net shear over the friction at rest, signed, and the reason at the first missing place.
 
-    At least: the skin's elastic part alone presses in phase with the crests; at most: all of its impedance does.
+    Lower bound: only the elastic part of the skin presses in phase with the crests; upper bound: all of its impedance does.
     """
     assert touch.force_n is not None
     impedance, omega = touch.tip.impedance_n_s_m(frequency_hz, pi * touch.radius_m**2), 2.0 * pi * frequency_hz
@@ -483,7 +485,7 @@ def _shear(
 
 
 def _left(touch: Touch, amplitude_m: float, frequency_hz: float) -> list[float]:
-    """What the film of air leaves of the friction, at least and at most over the gaps. Raises OutOfValidity."""
+    """Smallest and largest friction on the air film over the gaps, relative to that at rest. Raises OutOfValidity."""
     assert touch.gap_m is not None and touch.force_n is not None
     films = [SqueezeFilm(gap, touch.radius_m, touch.force_n) for gap in touch.gap_m]
     return sorted(film.friction_ratio(amplitude_m, frequency_hz) for film in films)

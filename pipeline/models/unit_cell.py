@@ -1,6 +1,6 @@
-"""The unit cell of an array: reduced, with an estimate of its own error, or whole under Bloch's conditions.
+"""Unit cell of an array: reduced, with an estimate of its own error, or whole with Bloch's conditions.
 
-The whole cell is the independent path: no symmetry, no reduction, waves counted by inertia, two coarser meshes for its error.
+The whole cell is an independent check: no symmetry, no reduction, inertia counts, and two coarser meshes for its error.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import foot_shares, mesh_record, tet_cell
-from pipeline.planning import foresight, mesh_rules
+from pipeline.planning import mesh_rules, resource_estimate
 from pipeline.planning.model_choice import ORDER, SUPERELEMENT, ModelChoice, coarse_settings
 from pipeline.planning.refinement import describe_change, higher_degree, more_modes, on_finer_meshes
-from pipeline.planning.resources import Demand
+from pipeline.planning.resources import ResourceEstimate
 from pipeline.quantity import percent
 from pipeline.records.record import MeshRecord
 from solvers.accuracy.mesh import Nested, Shares, prolonged_eigenvalues
@@ -54,24 +54,23 @@ from solvers.superelement.lattice import ReducedLattice, Waves
 from solvers.waves.bloch import BlochCell
 
 ROUNDS = 8
-MARGIN = 0.3  # of the accuracy: the rest is the mesh's, and what coarse and fine mesh differ by
-THICK = 0.3  # of the pitch: no thinner plate was found to need a fourth degree through its thickness
+MARGIN = 0.3  # of the accuracy: the rest is for discretisation, and for the difference between coarse and fine mesh
+THICK = 0.3  # of the pitch: no thinner plate needed a fourth degree through its thickness
 MAX_THROUGH = 6
-CLEAR = 3.0  # times the highest frequency: modes left out from there on are told by their residual flexibility to a sixteenth
-THROUGH = 0.35  # of the accuracy: the next degree through the thickness is another element through the plate
-BY_MODES = 0.5  # of what truncation may bring: modes are cheaper than degrees
-MAX_BY_MESH = 0.8  # of the accuracy: beyond, a finer mesh is cheaper than what would be left to truncation
-AIM = 0.7  # of what is left to truncation
-MAX_DOF = 400  # at a wavevector: beyond, a dense solve costs more than the accuracy is worth
+CLEAR = 3.0  # times the highest frequency: residual flexibility represents modes discarded above it to one sixteenth
+THROUGH = 0.35  # of the accuracy: the next degree through the thickness costs another element through the plate
+BY_MODES = 0.5  # of the truncation error: modes are cheaper than degrees
+MAX_BY_MESH = 0.8  # of the accuracy: above it, a finer mesh is cheaper than the small rest for truncation
+AIM = 0.7  # of the error allowed to truncation
+MAX_DOF = 400  # per wavevector: beyond it, a dense solve costs more than the accuracy is worth
 Reduce = Callable[[ReductionSettings], Cell]
-Bar = tuple[float | None, float]  # half-widths by the mesh and by truncation
+Bar = tuple[float | None, float]  # relative discretisation error (None if unknown) and truncation error
 
 
 @dataclass(frozen=True)
 class LatticeModel:
-    """A lattice, the name of its model, the largest half-width of its bands' bar by truncation, what of it lies beyond the
-    degree through the thickness, and the half-width of their bar by the mesh at the path's corners; None where no coarser
-    mesh tells it.
+    """A lattice of reduced cells with its largest relative truncation error, the part of it beyond the degree through the
+    thickness, and its discretisation error at the corners of the path (None without a coarser mesh).
     """
 
     name: str
@@ -81,7 +80,7 @@ class LatticeModel:
     mesh_error: float | None
 
     def truncation(self, waves: Sequence[Waves], count: int) -> FloatArray:
-        """Half-widths of the bars by truncation of the lowest bands, relative, (wavevectors, bands)."""
+        """Relative truncation errors of the lowest bands, (wavevectors, bands)."""
         return truncated_bars(self.lattice, waves, count, self.beyond)
 
 
@@ -94,10 +93,9 @@ def lattice_model(
     finer: bool = True,
     high_hz: float = 0.0,
 ) -> LatticeModel:
-    """Reduce the cell so that its bands at the corners (n, 2) of the path meet the accuracy; warn where they do not.
+    """Reduce the cell so that its bands at the corners (n, 2) of the path meet the accuracy; warn if they do not.
 
-    finer: on finer meshes, too, where the first one's error exceeds what is asked for. high_hz: what the cell serves to beside
-    its bands.
+    finer: refine the mesh if its error exceeds the accuracy; high_hz: highest frequency needed in addition to the bands.
     """
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     reduce = _reducer(choice, case.design, log, meshes)
@@ -108,11 +106,11 @@ def lattice_model(
         assert choice.reduction
         own: list[MeshRecord] = []
         lattice = ReducedLattice(_reducer(choice, case.design, log, own)(choice.reduction))
-        meshes[:] = own  # in the place of the first one's, once it is solved
+        meshes[:] = own  # replaces the first mesh once this one is solved
         return lattice, widest_bar(lattice, _solved(lattice, corners, case), case.bands.count, beyond)
 
-    def demand(choice: ModelChoice) -> Demand:
-        return foresight.of_finer_mesh(case, choice, len(corners))
+    def demand(choice: ModelChoice) -> ResourceEstimate:
+        return resource_estimate.of_finer_mesh(case, choice, len(corners))
 
     first = choice, (lattice, bar)
     choice, (lattice, bar) = (
@@ -122,12 +120,12 @@ def lattice_model(
 
 
 def _solved(lattice: ReducedLattice, wavevectors: FloatArray, case: Case) -> list[Waves]:
-    """The lowest waves at wavevectors (n, 2)."""
+    """Lowest waves at wavevectors (n, 2)."""
     return [lattice.waves(k, case.bands.count) for k in wavevectors]
 
 
 def widest_bar(lattice: ReducedLattice, waves: Sequence[Waves], count: int, beyond: float) -> Bar:
-    """Of the lowest bands the widest bar: half-widths by the mesh, None where no coarser mesh tells it, and by truncation."""
+    """Largest error bar of the lowest bands: discretisation error (None without a coarser mesh) and truncation error."""
     truncated = truncated_bars(lattice, waves, count, beyond)
     if lattice.cell.mesh_error is None:
         return None, float(truncated.max())
@@ -137,7 +135,7 @@ def widest_bar(lattice: ReducedLattice, waves: Sequence[Waves], count: int, beyo
 
 
 def truncated_bars(lattice: ReducedLattice, waves: Sequence[Waves], count: int, beyond: float) -> FloatArray:
-    """Half-widths of the bars by truncation of the lowest bands, relative, (wavevectors, bands)."""
+    """Relative truncation errors of the lowest bands, (wavevectors, bands)."""
     estimates = [truncation(lattice, each) for each in waves]
     modes = np.array([each[:count] for each, _ in estimates])
     last = np.array([in_order(own, parts[-1])[:count] for own, (_, parts) in zip(waves, estimates, strict=True)])
@@ -145,7 +143,7 @@ def truncated_bars(lattice: ReducedLattice, waves: Sequence[Waves], count: int, 
 
 
 def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRecord]) -> Reduce:
-    """What reduces the cell on the mesh of a choice: of tetrahedra, whose record is added to `meshes`, or of hexahedra."""
+    """Return the function that reduces the cell on the mesh of a choice; the record of tetrahedra is added to `meshes`."""
     mesh, halved = tet_cell(design, choice.edge_m, log) if choice.edge_m else (None, ())
     panel = replace(lattice_panel(design), halved=halved) if mesh else lattice_panel(design)
     if mesh:
@@ -156,20 +154,19 @@ def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRec
         reductions = Reductions(design.stack, design.pillar, reduction, *own)
         with log.step("reduce the cell"):
             cell = reductions.cell(panel)
-        source = "reduced now" if reductions.fresh else "taken from the cache"
-        more = "; opposite faces need not match" if mesh else f", {source}"
+        source = "reduced" if reductions.fresh else "loaded from the cache"
+        more = "opposite faces need not match" if mesh else source
         size, dof = mesh.dof if mesh else cell.mesh_dof, ReducedLattice(cell).dof
-        log.info(f"cell of {size} degrees of freedom in its mesh, {dof} at a wavevector{more}")
+        log.info(f"unit cell: {size} degrees of freedom on its mesh, {dof} per wavevector; {more}")
         return cell
 
     return reduce
 
 
 class _Pilot:
-    """Lattices of a coarse cell, its pillar replaced by a box: a fraction of a second, and the reduction's error hardly depends
-    on the mesh.
+    """Lattices of a coarse cell whose pillar is a box: fast, and with nearly the truncation error of the fine cell.
 
-    It is reduced for more than is asked for, and less is taken from its matrices.
+    The cell is reduced with finer settings than needed, and its matrices contain those of the coarser settings.
     """
 
     def __init__(self, design: Design, count: int) -> None:
@@ -181,7 +178,7 @@ class _Pilot:
         self._top_hz = 0.0
 
     def lattice(self, reduction: ReductionSettings) -> ReducedLattice:
-        """The coarse cell reduced with these settings."""
+        """Return the coarse cell reduced with these settings."""
         if self._whole is None or not self._holds(self._whole.cell.interface, reduction):
             face = reduction.interface
             ample = Interface(face.along + 1, face.through + self.is_thick)
@@ -196,7 +193,7 @@ class _Pilot:
     def _reduced(self, reduction: ReductionSettings) -> ReducedLattice:
         design = self.design
         box = square_of(design.pillar) if design.pillar else None
-        through = ceil(reduction.interface.through / ORDER)  # a node more through the plate than the degree
+        through = ceil(reduction.interface.through / ORDER)  # gives one node more through the plate than the degree
         coarse = coarse_settings(design, self.count, through)
         reductions = Reductions(design.stack, box, replace(reduction, hexahedra=coarse), CellCache())
         return ReducedLattice(reductions.cell(lattice_panel(replace(design, pillar=box))))
@@ -211,12 +208,12 @@ def _piloted(
     log: Log,
     least_hz: float,
 ) -> ReductionSettings:
-    """Choose degrees and number of modes on a coarse mesh of the cell; no cut-off below least_hz."""
+    """Choose degrees and number of modes on a coarse mesh of the cell; the cut-off is at least least_hz."""
     level = reduction
     with (
         log.step("choose degrees and modes on a coarse cell"),
         suppress(SolverError),
-    ):  # more than the coarse mesh can hold
+    ):  # raised if the coarse mesh has too few degrees of freedom
         for _ in range(ROUNDS):
             fewer = cutoff_hz(pilot.lattice(reduction), corners, count, BY_MODES * allowed)
             level = replace(reduction, top_hz=max(min(reduction.top_hz, fewer), least_hz))
@@ -231,10 +228,9 @@ def _piloted(
 def _thick_enough(
     pilot: _Pilot, reduction: ReductionSettings, corners: FloatArray, count: int, allowed: float, log: Log
 ) -> tuple[ReductionSettings, float]:
-    """Raise the degree through the thickness where the next one would bring more than `allowed` on a coarse cell; with what it
-    would bring.
+    """Raise the degree through the thickness until the next one changes a coarse cell by at most `allowed`; returns the change.
 
-    The last degree falls exponentially; a plate thin beside its pitch moves almost linearly through its thickness.
+    The contribution of a degree falls exponentially; a plate much thinner than its pitch moves almost linearly through it.
     """
     if not pilot.is_thick:
         return reduction, 0.0
@@ -247,7 +243,9 @@ def _thick_enough(
                 break
     if through == face.through:
         return reduction, error
-    log.info(f"degree {through} through the thickness instead of {face.through}: {percent(error)} left beyond it")
+    log.info(
+        f"degree through the thickness: {through} instead of {face.through}; higher ones would change {percent(error)}"
+    )
     finer = replace(reduction, interface=Interface(face.along, through))
     return replace(finer, hexahedra=mesh_rules.with_nodes_for(finer.interface, finer.hexahedra)), error
 
@@ -255,14 +253,16 @@ def _thick_enough(
 def _good_enough(
     reduce: Reduce, reduction: ReductionSettings, corners: FloatArray, case: Case, log: Log, least_hz: float
 ) -> tuple[ReductionSettings, ReducedLattice, Bar, float, float]:
-    """Reduce with the settings advised by the coarse cell, and once more where the estimate exceeds what the mesh leaves of the
-    accuracy; with the widest bar, the estimate, and what of it lies beyond the degree through the thickness.
+    """Reduce with the settings of the coarse cell, and again if truncation exceeds its share of the accuracy.
+
+    Returns settings and lattice, the largest error bar, the truncation error, and its part beyond the degree through the
+    thickness.
     """
     count, accuracy = case.bands.count, case.solve.accuracy
     pilot = _Pilot(case.design, count)
     advised = _piloted(pilot, reduction, corners, count, MARGIN * accuracy, log, least_hz)
     if advised != reduction:
-        log.info(f"for {count} bands within {percent(accuracy)}: {describe_change(reduction, advised)}")
+        log.info(f"reduction for {count} bands within {percent(accuracy)}: {describe_change(reduction, advised)}")
     advised, beyond = _thick_enough(pilot, advised, corners, count, THROUGH * accuracy, log)
     lattice = ReducedLattice(reduce(advised))
     waves = _solved(lattice, corners, case)
@@ -271,26 +271,27 @@ def _good_enough(
     finer = advised if error.total <= left else _raised(advised, lattice, error, AIM * left)
     if finer != advised:
         log.info(
-            f"bands within {percent(error.total)} by truncation, {percent(left)} allowed: {describe_change(advised, finer)}"
+            f"truncation error of the bands: {percent(error.total)}, {percent(left)} allowed; refining: "
+            f"{describe_change(advised, finer)}"
         )
-        with suppress(SolverError):  # more than the mesh can hold
+        with suppress(SolverError):  # raised if the mesh has too few degrees of freedom
             trial = ReducedLattice(reduce(finer))
             waves = _solved(trial, corners, case)
             error, bar = error_of_waves(trial, waves), widest_bar(trial, waves, count, beyond)
             advised, lattice = finer, trial
     total = error.total + beyond
-    log.info(f"bands within {percent(total)} by truncation, as residual flexibility and last degree tell")
+    log.info(f"truncation error of the bands: at most {percent(total)} (from residual flexibility and last degree)")
     if total > accuracy:
         log.warning(
             "REDUCTION",
-            f"the reduction may put a band {percent(total)} off, solve.accuracy asks for {percent(accuracy)}: "
-            f"lower bands.count ({count}), raise solve.accuracy, or take solve.model = 'solid'",
+            f"truncation may change a band by {percent(total)}, more than solve.accuracy = {accuracy:g}: "
+            f"lower bands.count ({count}), raise solve.accuracy, or set solve.model = 'solid'",
         )
     return advised, lattice, bar, total, beyond
 
 
 def _left_by_the_mesh(bar: Bar, accuracy: float) -> float:
-    """What of the accuracy truncation may take beside the mesh: all of it where a finer mesh would have to be taken anyway."""
+    """Share of the accuracy that discretisation leaves to truncation: all of it if the mesh has to be refined anyway."""
     by_mesh, truncated = bar
     if by_mesh is None or by_mesh + truncated <= accuracy or by_mesh > MAX_BY_MESH * accuracy:
         return accuracy
@@ -315,19 +316,19 @@ def _boundary(face: Interface) -> int:
 
 
 def bare_cell(case: Case, interface: Interface, log: Log) -> Cell:
-    """Reduce the unit cell's panel without a pillar, with the boundary functions of the cell beside it."""
+    """Reduce the unit cell without its pillar, with the boundary functions of the neighbouring cell."""
     design = replace(case.design, pillar=None)
     reduction = replace(mesh_rules.lattice_reduction(design, case.solve.accuracy), interface=interface)
     with log.step("reduce the bare cell"):
         return Reductions(design.stack, None, reduction, CellCache()).cell(lattice_panel(design))
 
 
-MORE = 4  # waves beside those asked for
+MORE = 4  # waves in addition to those requested
 
 
 @dataclass(frozen=True)
 class WholeCell:
-    """A meshed cell, the same without the innermost layer (None where it has none) and of one order less."""
+    """A meshed cell, its copy without the innermost layer (None if it has no layers), and that of one order less."""
 
     mesh: Mesh
     own: BlochCell
@@ -337,7 +338,7 @@ class WholeCell:
 
     @classmethod
     def of(cls, design: Design, settings: HexSettings) -> WholeCell:
-        """The meshes of a design's cell."""
+        """Mesh the cell of a design."""
         boxes, mesh = cell_boxes(design, settings), _mesh(design, settings)
 
         def nested(other: HexSettings) -> Nested[BlochCell]:
@@ -350,13 +351,13 @@ class WholeCell:
 
     @property
     def dof(self) -> int:
-        """Degrees of freedom at a wavevector."""
+        """Degrees of freedom per wavevector."""
         return self.own.dof
 
     def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
-        """The `count` lowest frequencies at a wavevector (2,) in rad/m, Hz, less what coarser meshes tell; and their errors.
+        """Solve the `count` lowest frequencies at a wavevector (2,) in rad/m; returns them corrected, in Hz, with their errors.
 
-        Waves that the mesh misses by more than those about them change places: some more are solved, and sorted.
+        The correction may change the order of the waves, so a few more are solved and sorted.
         """
         pencil, copies = self.own.pencil(wavevector)
         values, vectors = lowest_pairs(pencil, count + MORE, copies)
@@ -369,14 +370,16 @@ class WholeCell:
             return risen[::copies]
 
         order = change(self.order)
-        layer = change(self.layer) if self.layer else order  # all of it the edge's; a bare cell's shares count none
+        layer = (
+            change(self.layer) if self.layer else order
+        )  # the error at singular edges; a bare cell's shares ignore it
         none, taken = np.zeros(count), self.shares.taken * layer
         best, half = tones[::copies] / (1.0 + taken), self.shares.half_width(layer, order)
         lowest = np.argsort(best, kind="stable")[:count]
         return best[lowest], ModeErrors(none, none, none, taken[lowest], half[lowest])
 
     def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
-        """The frequencies alone."""
+        """Solve the frequencies alone."""
         return self.solve(wavevector, count)[0]
 
     def _risen(

@@ -1,4 +1,4 @@
-"""A user's own mesh through the same chain: read, put into our order, clamp a named group, solve."""
+"""Modes of a user's own mesh: read it, reorder its nodes, clamp named groups, solve."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from solvers.fem.solid import AXES, SolidModel
 from solvers.fem.surface import Frame
 from solvers.measures.confinement import Confinement, measure
 
-FAR = 10.0  # beyond the lengths of the case: another body than the case's, or another unit
-USUAL_M = (1e-4, 5.0)  # lengths of bodies, where the case has none
+FAR = 10.0  # times outside the range of the case's lengths: a different body, or another unit
+USUAL_M = (1e-4, 5.0)  # range of body lengths if the case has none
 
 
 @dataclass(frozen=True)
 class UserMesh:
-    """A mesh file and how its body is held.
+    """A mesh file and the supports of its body.
 
-    unit: of its lengths, "m" or "mm".
-    clamps: groups at rest. supports: groups held along some axes, such as "rim:z".
-    merge: nodes closer than this, in the file's unit, become one; 0 leaves them apart, None refuses bodies that should be one.
+    unit: unit of its lengths, "m" or "mm".
+    clamps: clamped groups; supports: groups held along some axes, such as "rim:z".
+    merge: distance, in the file's unit, within which nodes are merged; 0 keeps them apart, None rejects touching bodies.
     """
 
     file: str
@@ -49,10 +49,10 @@ class UserMesh:
 
 
 def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
-    """Compute the modes of a file's mesh with the case's material. Raises InputError for a mesh that cannot serve."""
+    """Compute the modes of a file's mesh with the case's material; InputError for an unsuitable mesh."""
     file, clamps = own.file, own.clamps
     if query.symmetry:
-        without = "a mesh from a file has no symmetry classes; leave --symmetry out"
+        without = "a mesh from a file has no symmetry classes; omit --symmetry"
         raise InputError(f"--symmetry {query.symmetry}: {without}")
     with log.step("read the mesh"):
         read = read_mesh(file, own.unit, max(own.merge or 0.0, 0.0))
@@ -86,33 +86,33 @@ def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
 
 
 def _check_bodies(read: MeshFile, own: UserMesh) -> None:
-    """InputError for bodies that touch without sharing nodes: they would move apart."""
+    """Raise InputError for bodies that touch without sharing nodes, because they would move apart."""
     if read.coincident and own.merge is None:
         raise InputError(
-            f"{own.file}: {read.parts} bodies share no node, but {read.coincident} nodes lie where another body's do: "
+            f"{own.file}: {read.parts} bodies share no node, but {read.coincident} of their nodes coincide: "
             "join them with --merge 1e-6 (a distance in the file's unit), or keep them apart with --merge 0"
         )
 
 
 def _warn_of_file(read: MeshFile, case: Case, file: str, log: Log) -> None:
-    """A warning for what the file holds and the answer does not."""
+    """Warn of content of the file that the modes do not include."""
     if read.left_out:
-        log.warning("LEFT_OUT", f"{file}: not read, and the modes are without it: {', '.join(read.left_out)}")
+        log.warning("LEFT_OUT", f"{file}: ignored, so that the modes do not include it: {', '.join(read.left_out)}")
     if read.unused:
-        log.warning("UNUSED_NODES", f"{file}: {read.unused} nodes belong to no element and are left out")
+        log.warning("UNUSED_NODES", f"{file}: {read.unused} nodes belong to no element and are ignored")
     if read.parts > 1:
-        log.warning("SEPARATE_BODIES", f"{file}: {read.parts} bodies share no node: each moves by itself")
+        log.warning("SEPARATE_BODIES", f"{file}: {read.parts} bodies share no node: each moves on its own")
     pillar = case.design.pillar
     if (
         pillar
         and pillar.material != case.design.stack.back
         and "pillar" not in {name.casefold() for name in read.mesh.regions}
     ):
-        log.warning("NO_PILLAR", f"{file}: no group PILLAR: nothing has the material of pillar.material")
+        log.warning("NO_PILLAR", f"{file}: no group PILLAR: pillar.material is not used")
 
 
 def _materials(case: Case, mesh: AnyMesh) -> dict[str, Material]:
-    """The case's material for every region, the pillar's and its tip's for those of that name."""
+    """Material of every region: that of the plate, except for regions named after the pillar or its tip."""
     own = region_materials(case.design.stack, case.design.pillar)
     return {name: own.get(name.casefold(), case.design.stack.back) for name in mesh.regions}
 
@@ -123,14 +123,14 @@ def _has_touch(case: Case, mesh: AnyMesh) -> bool:
 
 
 def _with_touch(mesh: AnyMesh) -> AnyMesh:
-    """The mesh whose group TOUCH, however written, is the face that is measured."""
+    """Return the mesh with its group TOUCH, in any case, as the measured face."""
     named = [name for name in mesh.faces if name.casefold() == "touch" and mesh.facets_of(name)[0].shape[1] > 1]
     measured: dict[str, Any] = {"faces": {**mesh.faces, "touch": mesh.faces[named[0]]}} if named else {}
     return replace(mesh, **measured)
 
 
 def _request(case: Case, query: Request) -> Request:
-    """Complete the command line's request by the case's; otherwise ask for the lowest modes."""
+    """Complete the command line's request with the settings of the case, or else request the lowest modes."""
     solve = case.solve
     if not any((query.band_hz, query.near_hz, query.count, solve.band_hz, solve.near_hz, solve.count)):
         return replace(query, near_hz=0.0, count=DEFAULT_COUNT)
@@ -148,7 +148,7 @@ def _log_summary(mesh: AnyMesh, materials: dict[str, Material], file: str, log: 
 
 
 def _warn_of_unit(case: Case, mesh: AnyMesh, file: str, unit: str, log: Log) -> None:
-    """Warn of a body whose longest edge is far from the case's lengths: its frequencies would be off by as much."""
+    """Warn of a body whose longest edge is far outside the case's lengths: a wrong unit scales its frequencies."""
     long = float(np.ptp(mesh.nodes, axis=0).max())
     design = case.design
     own = [design.length_m, design.width_m, design.thickness_m, design.pillar.height_m if design.pillar else 0.0]
@@ -156,16 +156,16 @@ def _warn_of_unit(case: Case, mesh: AnyMesh, file: str, unit: str, log: Log) -> 
     low, high = (min(known) / FAR, FAR * max(known)) if known else USUAL_M
     if not low <= long <= high:
         other, factor = ("mm", MM) if unit == "m" else ("m", 1.0 / MM)
-        beside = f"the case's lengths run from {min(known) / MM:g} to {max(known) / MM:g} mm" if known else "few are"
+        usual = f"the case's lengths range from {min(known) / MM:g} to {max(known) / MM:g} mm" if known else "few are"
         log.warning(
             "UNIT",
-            f"{file}: the body is {long / MM:g} mm long as read in {unit}, {beside}: with --unit {other} it would be "
+            f"{file}: the body is {long / MM:g} mm long in {unit}, {usual}: with --unit {other} it would be "
             f"{factor * long / MM:g} mm",
         )
 
 
 def _support(text: str) -> tuple[str, str]:
-    """The group and the axes of NAME:AXES; a name may hold a colon."""
+    """Split NAME:AXES into group and axes; a name may contain a colon."""
     name, _, axes = text.rpartition(":")
     if not name or not axes or not set(axes) <= set(AXES) or len(set(axes)) < len(axes):
         raise InputError(f"--support {text}: must be NAME:AXES with axes of x, y and z, such as RIM:z or FOOT:xy")
@@ -181,7 +181,7 @@ def _known(name: str, mesh: AnyMesh, file: str, option: str) -> None:
 
 
 def _rows(case: Case, model: SolidModel, solution: Modes) -> tuple[ModeRow, ...]:
-    """Frequencies, and the measures of the touch face where the mesh names one and the case has a zone."""
+    """Frequencies, with the measures of the touch face if the mesh names one and the case has a zone."""
     measures: Confinement | None = None
     if _has_touch(case, model.mesh) and len(solution.frequency_hz):
         measures = measure(model.touch(None, solution.vectors), case.design, None)
@@ -190,9 +190,9 @@ def _rows(case: Case, model: SolidModel, solution: Modes) -> tuple[ModeRow, ...]
 
 # -- the frame of its touch face ---------------------------------------------------------------------------------------
 
-FLAT = 1e-3  # of the length: how far the face's nodes may lie off a plane
-FITS = 0.01  # relative: how far the face may be from the zone's length
-IN_PLACE = 1e-6  # of the length, and of a right angle: below it the file's own axes serve
+FLAT = 1e-3  # of the length: largest distance of the face's nodes from a plane
+FITS = 0.01  # largest relative difference between the face and the zone's length
+IN_PLACE = 1e-6  # of the length, and of a right angle: below it, the file's own axes are used
 
 
 def touch_frame(mesh: AnyMesh, design: Design, file: str, is_held: bool = False) -> Frame | None:
@@ -206,17 +206,17 @@ def touch_frame(mesh: AnyMesh, design: Design, file: str, is_held: bool = False)
     file : str
         Name of the mesh's file for messages.
     is_held : bool
-        Whether groups are at rest: the face may then be what mirror planes x = 0 and y = 0 leave of it, in place.
+        Whether groups are clamped: the face may then be a half or a quarter, cut by the mirror planes x = 0 and y = 0.
 
     Returns
     -------
     Frame or None
-        None where the file's own axes are that frame.
+        None if the file's own axes are that frame.
 
     Raises
     ------
     InputError
-        For a face that is not flat, or whose smallest rectangle does not hold the zone.
+        For a face that is not flat, or whose smallest rectangle does not contain the zone.
     """
     points = mesh.nodes[mesh.nodes_of("touch")]
     if is_held and _is_cut_by_mirrors(points, design):
@@ -225,7 +225,7 @@ def touch_frame(mesh: AnyMesh, design: Design, file: str, is_held: bool = False)
     _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
     off = float(np.abs((points - middle) @ axes[2]).max())
     if off > FLAT * design.length_m:
-        raise _unfit(file, f"is not flat: its nodes lie up to {off / MM:g} mm off a plane")
+        raise _unfit(file, f"is not flat: its nodes lie up to {off / MM:g} mm from a plane")
     along_z = axes[2] * np.sign((_inside(mesh) - middle) @ axes[2])
     sides, ends = _rectangle((points - middle) @ axes[:2].T)
     spans = ends[1] - ends[0]
@@ -237,7 +237,7 @@ def touch_frame(mesh: AnyMesh, design: Design, file: str, is_held: bool = False)
 
 
 def _is_cut_by_mirrors(points: FloatArray, design: Design) -> bool:
-    """Whether points (n, 3) cover a half or a quarter of the zone where the file's axes have it."""
+    """Whether points (n, 3) cover a half or a quarter of the zone in the file's own axes."""
     near, (low, high) = FITS * design.length_m, (points.min(axis=0), points.max(axis=0))
     half, wide = design.length_m / 2.0, (1.0 - FITS) * design.width_m / 2.0
     at_x = any(
@@ -256,7 +256,7 @@ def _inside(mesh: AnyMesh) -> FloatArray:
 
 
 def _rectangle(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Directions of the sides (2, 2), and low and high ends along them (2, 2), of the smallest rectangle about points.
+    """Directions of the sides (2, 2) of the smallest rectangle around points, and its low and high ends along them (2, 2).
 
     One of its sides lies on the points' convex hull (freeman1975).
     """
@@ -273,7 +273,7 @@ def _rectangle(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _of_the_length(spans: FloatArray, directions: FloatArray, design: Design, file: str) -> int:
-    """Which side has the zone's length; of two the one nearer to the file's x. InputError for none."""
+    """Find the side that has the zone's length, of two the one nearer to the file's x; InputError for none."""
     fitting = np.flatnonzero(np.abs(spans / design.length_m - 1.0) <= FITS)
     whole = [side for side in fitting if spans[1 - side] >= (1.0 - FITS) * design.width_m]
     if not whole:
@@ -283,7 +283,7 @@ def _of_the_length(spans: FloatArray, directions: FloatArray, design: Design, fi
 
 
 def _unless_in_place(frame: Frame, design: Design) -> Frame | None:
-    """None for the file's own axes; a plane z = const off 0 leaves x and y as they are."""
+    """Return None for the file's own axes, also if the plane is z = const other than 0."""
     moved = np.abs(frame.origin_m[:2]).max() > IN_PLACE * design.length_m
     turned = np.abs(frame.axes - np.eye(3)).max() > IN_PLACE
     return frame if moved or turned else None
@@ -292,5 +292,5 @@ def _unless_in_place(frame: Frame, design: Design) -> Frame | None:
 def _unfit(file: str, what: str, design: Design | None = None) -> InputError:
     zone = "" if design is None else f" of {design.length_m / MM:g} mm (zone.length_mm) within 1 %"
     wide = "" if design is None else f" and at least {design.width_m / MM:g} mm wide (zone.width_mm)"
-    allowed = f"must be a plane face{zone}{wide}, or have another name: then nothing is measured on it"
+    allowed = f"must be a plane face{zone}{wide}; rename the group to skip the measures of a touch face"
     return InputError(f"{file}: group TOUCH {what}: {allowed}")

@@ -1,1 +1,1 @@
-"""Which model and mesh, and what error to expect."""
+"""Choice of model and mesh, resource estimates and expected errors."""

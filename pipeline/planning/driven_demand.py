@@ -1,4 +1,4 @@
-"""Demand of a driven plate: what its symmetry classes, its patches and the samples of a tolerance hold at once."""
+"""Resource estimate of a driven plate: memory held by its symmetry classes, patches and tolerance samples together."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings, bonded_scene, grid_lines
 from geometry.layout import mirrored_axes
 from pipeline.case.model import Case
-from pipeline.planning import foresight, simplifications
-from pipeline.planning.foresight import AssembledClass
+from pipeline.planning import resource_estimate, simplifications
 from pipeline.planning.model_choice import ModelChoice, Request
-from pipeline.planning.resources import Demand
+from pipeline.planning.resource_estimate import AssembledClass
+from pipeline.planning.resources import ResourceEstimate
 from solvers.fem.cost import (
     Cost,
     Fill,
@@ -27,35 +27,36 @@ from solvers.fem.cost import (
     modal_solve,
 )
 
-PENCIL = 24.0  # bytes of an entry of K and of M
+PENCIL = 24.0  # bytes per entry of K and M
 BOND = 3  # matrices of a patch's bonded face: stiffness, mass, flexibility
-FORCES = 240.0  # columns solved for at once beneath a patch, and as many answers
-COARSER = 1.3  # times the work on the finest mesh beneath a patch: the coarser one with it
+FORCES = 240.0  # right-hand sides solved together beneath a patch
+COARSER = 1.3  # times the work on the finest mesh beneath a patch: includes the coarser one
 SAME_M = 1e-9
 
 
 def as_driven(case: Case, choice: ModelChoice) -> ModelChoice:
-    """The choice as a driven plate is solved: whole where its patches couple all of its classes."""
+    """Adapt the choice to a driven plate, which is solved whole if its patches couple all symmetry classes."""
     if case.patches is None or len(simplifications.patch_groups(case.patches)) > 1:
         return choice
     left_out = tuple(each for each in choice.left_out if each.rule != "mirror_images")
     return replace(choice, quarter=False, left_out=left_out)
 
 
-def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
-    """Demand of a response: every group of classes that the patches drive, joined with them on two meshes, and its modes."""
+def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> ResourceEstimate:
+    """Estimate a response: every driven group of classes joined with the patches on two meshes, and its modes."""
     choice = as_driven(case, choice)
     undriven = simplifications.undriven(case.patches) if case.patches and choice.quarter else []
     return _driven(case, choice, band_hz, frequencies, set(undriven))
 
 
-def of_tolerance(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
-    """Demand of plates whose pillars differ: all groups of classes, and every pillar's motion in the space of their modes."""
+def of_tolerance(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> ResourceEstimate:
+    """Estimate plates whose pillars differ: all groups of classes, and every pillar in the space of their modes."""
     choice = as_driven(case, choice)
     demand = _driven(case, choice, band_hz, frequencies, set())
     if choice.reduction is None:
         return demand
-    own, pillars = foresight.assembled_class(case.design, choice, choice.reduction), foresight.pillar_count(case.design)
+    own = resource_estimate.assembled_class(case.design, choice, choice.reduction)
+    pillars = resource_estimate.pillar_count(case.design)
     size = (demand.modes or 0.0) + 2.0 * len(choice.classes) * _loads(case) + pillars / 2.0
     varied = Stage("varying the pillars", own.kept_bytes + 2.0 * 8.0 * pillars * own.functions * size)
     held = len(choice.classes) * _Joined(own, _Patches(case, own)).bytes
@@ -64,29 +65,31 @@ def of_tolerance(case: Case, choice: ModelChoice, band_hz: tuple[float, float], 
 
 
 def _moved(own: AssembledClass, mesh: MeshCounts, functions: float, copies: int) -> Stage:
-    """A panel reduced with its pillar moved, next to the matrices and the shapes of the one that stands."""
+    """Reduction of a panel with its pillar moved, while matrices and shapes of the original stay in memory."""
     shapes = 8.0 * mesh.dofs * (own.reduction.ample.count + functions)
     still = mesh.mesh_bytes + 2.0 * 9.0 * 12.0 * mesh.pairs + shapes
-    peak = foresight.panel_reduction(mesh, own.reduction.ample, functions, copies).peak.bytes
+    peak = resource_estimate.panel_reduction(mesh, own.reduction.ample, functions, copies).peak.bytes
     return Stage("moving the pillar of a panel", still + peak)
 
 
 def _loads(case: Case) -> int:
-    """Loads: a patch each, or one pressure."""
+    """Number of loads: one per patch, or a single pressure."""
     return case.patches.count if case.patches else 1
 
 
 def _driven(
     case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int, undriven: set[str]
-) -> Demand:
+) -> ResourceEstimate:
     from solvers.piezo.forced import MARGIN
 
-    demand = foresight.of_modes(case, choice, Request("plate", (MARGIN[0] * band_hz[0], MARGIN[1] * band_hz[1])))
+    demand = resource_estimate.of_modes(
+        case, choice, Request("plate", (MARGIN[0] * band_hz[0], MARGIN[1] * band_hz[1]))
+    )
     modes = demand.modes or 0.0
     cost = demand.cost.then(Cost((), 100.0 * modes**2 * frequencies))
     if choice.reduction is None:
         return replace(demand, cost=cost)
-    own = foresight.assembled_class(case.design, choice, choice.reduction)
+    own = resource_estimate.assembled_class(case.design, choice, choice.reduction)
     patches, held = _Patches(case, own), own.kept_bytes
     cost, held = cost.then(patches.compliance, held), held + patches.bytes
     for group in _groups(case, choice):
@@ -100,11 +103,11 @@ def _driven(
 
 
 def group_bytes(case: Case, choice: ModelChoice, modes: float) -> float:
-    """Bytes that the largest group of classes takes while its modes are solved, of so many of the whole plate."""
+    """Memory of the largest group of classes while its share of the plate's `modes` is solved, B."""
     choice = as_driven(case, choice)
     if choice.reduction is None:
         return 0.0
-    own, groups = foresight.assembled_class(case.design, choice, choice.reduction), _groups(case, choice)
+    own, groups = resource_estimate.assembled_class(case.design, choice, choice.reduction), _groups(case, choice)
     most = max(len(group) for group in groups)
     joined = _Joined(own, _Patches(case, own), most)
     return joined.bytes + joined.solve(modes * most / len(choice.classes)).peak.bytes
@@ -119,7 +122,7 @@ def _groups(case: Case, choice: ModelChoice) -> list[tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class _Joined:
-    """Classes that the patches couple, joined with them: a patch is dense where its panels have degrees of freedom."""
+    """Classes that the patches couple, joined with them: each patch adds a dense block over its panels."""
 
     own: AssembledClass
     patches: _Patches
@@ -144,13 +147,13 @@ class _Joined:
         return PENCIL * self.entries + self.classes * self.patches.motion_bytes
 
     def solve(self, modes: float) -> Cost:
-        """Modes of the group, while its bare K and M and those on a coarser mesh of the patches are held, too."""
+        """Cost of the group's modes, while K and M of the bare plate and of a coarser patch mesh stay in memory."""
         coarser = PENCIL * (self.classes * self.own.entries + self.entries) if self.patches.distinct else 0.0
         return Cost().then(modal_solve(self.dofs, self.entries, self.fill, modes), coarser)
 
 
 class _Patches:
-    """A case's patches on their panels, by sizes alone; none where a pressure drives."""
+    """Sizes of a case's patches on their panels; empty if a pressure drives the plate."""
 
     def __init__(self, case: Case, own: AssembledClass) -> None:
         self.case, self.own = case, own
@@ -158,7 +161,7 @@ class _Patches:
 
     @property
     def distinct(self) -> int:
-        """Patches that are no other's mirror image."""
+        """Number of patches that are distinct under mirror images."""
         axes = (0, 1) if self.own.quarter else ()
         folded = self.boxes.reshape(-1, 2, 2).copy()
         for axis in axes:
@@ -192,7 +195,7 @@ class _Patches:
         return most
 
     def _unlike(self, first: int, last: int, count: int) -> int:
-        """How many of some panels in a line of so many are no other's image."""
+        """Number of panels from `first` to `last`, in a line of `count`, that are distinct under mirror images."""
         numbers = range(first, last + 1)
         return len({max(each, count - 1 - each) for each in numbers}) if self.own.quarter else len(numbers)
 
@@ -209,18 +212,18 @@ class _Patches:
 
     @property
     def bytes(self) -> float:
-        """Matrices of the bonded faces, those of mirror images with them, and what they are in the plate's."""
+        """Matrices of the bonded faces with their mirror images, and their blocks in the plate's matrices."""
         bonds = (1.0 + self._share) * BOND * 8.0 * float((self._faces**2).sum())
         return bonds + 4.0 * self.distinct * 8.0 * self.felt**2
 
     @property
     def _share(self) -> float:
-        """Patches that are no other's image, of all."""
+        """Fraction of the patches that are distinct under mirror images."""
         return self.distinct / max(len(self.boxes), 1)
 
     @property
     def compliance(self) -> Cost:
-        """The static solve on the finest mesh of the panels beneath a patch, the largest of all."""
+        """Largest static solve on the finest mesh of the panels beneath a patch."""
         return max((self._beneath(box) for box in self.boxes), key=lambda cost: cost.peak.bytes, default=Cost())
 
     def _beneath(self, box: FloatArray) -> Cost:
@@ -234,8 +237,8 @@ class _Patches:
         assert self.case.patches
         settings, face = self._meshes[0], _face(box, self._meshes[0])
         back = self.case.patches.face == "back"
-        mesh = foresight.of_boxes(bonded_scene(span, thickness_m, (), box, back, settings), settings.order)
-        answers = Stage("the answers beneath a patch", 8.0 * (2.0 * FORCES * mesh.dofs + 4.0 * face**2))
+        mesh = resource_estimate.of_boxes(bonded_scene(span, thickness_m, (), box, back, settings), settings.order)
+        answers = Stage("solving beneath a patch", 8.0 * (2.0 * FORCES * mesh.dofs + 4.0 * face**2))
         solve = factorisation(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, 1.0)
         solve = solve.then(
             Cost((answers,), 8.0 * mesh.fill.entries * face / 2.0 ** len(mirrors)), 15.0 * mesh.fill.entries

@@ -1,6 +1,6 @@
-"""What a scene needs: model, mesh, degrees, window of frequencies; each choice with its reason.
+"""Rules that choose the mesh, the degrees and the frequency window of a scene, each with its reason.
 
-`accuracy` picks the cheapest mesh that the calibration expects to meet it.
+`accuracy` selects the cheapest mesh that meets it according to the calibration.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from solvers.analytic.plates import MAX_LINES, Strip, levy_hz, mindlin_mode, thi
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
 from solvers.superelement.interface import Interface, ReductionSettings
 
-WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: where the target mode of plates with pillars was found
-# degree along a side by accuracy: the longest side over the spacing of nodal lines; each solve's own estimate checks it
+WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: range of the target modes found in plates with pillars
+# degree along a side by accuracy: longest side over the spacing of nodal lines; the estimate of each solve checks it
 ALONG = {0.002: {4: 0.36, 5: 0.9}, 0.0: {4: 0.3, 5: 0.4}}
 ACROSS = 2.05  # elements over the zone's width, a little more than two: two in each half
-# thicknesses that an element of the zone is long at most: about as in the calibration, longer ones lock
+# thicknesses: longest element of the zone, about as in the calibration; longer ones lock
 MAX_LENGTH = 5.0
-# of the length that waves allow: however thin the zone, elements so short make no more than those measured
+# of the length that waves allow: shortest element, however thin the zone; its error does not exceed those measured
 LOCKED = 0.5
-ELEMENT = 0.26  # of a shear wave: what an element of a cell spans at the tenth band of the calibrated one
-REACH = 9.0  # fixed-interface modes of a plate's panels go up to so many times the highest frequency looked for, at 1 %
-SHORT_REACH = 4.0  # the same beyond the first thickness-shear resonance, where waves are short in every direction
-# the degree through the thickness: of every plate at least, at most, and how many further ones tell what they would bring
+ELEMENT = 0.26  # of a shear wavelength: element of a cell at the tenth band of the calibrated one
+REACH = 9.0  # cut-off of a plate's fixed-interface modes over the highest frequency searched, at 1 % accuracy
+SHORT_REACH = 4.0  # this factor above the first thickness-shear resonance, where waves are short in every direction
+# degree through the thickness: least, greatest, and the further degrees that estimate the error of omitting them
 THROUGH, MAX_THROUGH, FURTHER = 3, 8, 2
-# of the first thickness-shear resonance: to plates of lower modes further degrees bring less than a tenth of what their
-# fixed-interface modes leave out
+# of the first thickness-shear resonance: below it, further degrees matter less than a tenth as much as the discarded
+# fixed-interface modes
 THIN_TO = 0.25
-# of the thickness: feet so near the sides of their panels leave those a strain through the thickness that falls as
-# exp(-pi room / t), whatever the waves; degree 3 missed 0.13 % of a frequency at 0.1, 0.03 % at 0.25, 0.02 % at 0.4
+# of the thickness: feet this close to the sides of their panels strain those through the thickness, a field that falls as
+# exp(-pi room / t) for any wave; degree 3 missed 0.13 % of a frequency at 0.1, 0.03 % at 0.25, 0.02 % at 0.4
 TIGHT = 0.35
-SEEN = 1.0 / 3.0  # of the energy that polynomials miss of a shear wave across the plate what frequencies show
-ALONG_LEFT = 0.015  # of the accuracy: what a coarse cell leaves of such waves along its sides
+SEEN = 1.0 / 3.0  # frequency error over the energy that polynomials miss of a shear wave across the plate
+ALONG_LEFT = 0.015  # of the accuracy: error that a coarse cell allows such waves along its sides
 MAX_ALONG = 9  # the highest degree along them
-FINER = 0.3  # fixed-interface modes go up to accuracy^-FINER; too few for a cell are noticed and raised
+FINER = 0.3  # the cut-off goes as accuracy^-FINER; one that is too low for a cell is detected and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
-# by their degrees of freedom; an assembled plate is meshed as its cell is; a whole one's grading would run across it
+# ordered by degrees of freedom; an assembled plate is meshed like its cell; the grading of a whole one would run across it
 MESH_LEVELS = {
     "zone": (
         MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.1, 0.8), MeshLevel(3, 1, 0.1, 0.6), MeshLevel(3, 1, 0.1, 0.5),
@@ -61,31 +61,31 @@ MESH_LEVELS = {
     ),
     "whole": (MeshLevel(3, 0, 0.1), MeshLevel(4, 0, 0.1), MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.12, 0.45)),
 }  # fmt: skip
-# a reduced cell tells its own mesh error by coarser meshes and is refined where that is too large: this is where it begins
+# first mesh level of a reduced cell, which estimates its discretisation error from coarser meshes and is refined if needed
 CELL_LEVELS = {0.001: MeshLevel(3, 1, 0.15), 0.0007: MeshLevel(3, 1, 0.15, 1.0, 2), 0.0: MeshLevel(4, 2, 0.15)}
-# widths of a foot that an element of order 3 beneath it is thick at most: the field at a rim reaches half of one, and cells
-# whose plates are thicker had twice the error; no more elements than MAX_BENEATH for it, whatever the foot
+# thickest element of order 3 beneath a foot, in widths of the foot: the field at its rim reaches half a width, and cells
+# with thicker plates had twice the error; at most MAX_BENEATH elements for it, whatever the foot
 STOUT, MAX_BENEATH = 1.2, 3
 HIGHEST = 4  # order of hexahedra
-COARSEST = 3  # order of a cell's elements at least
-FINEST = 24  # intervals of a segment on which branches are followed and gaps looked for, at least
-PLATE_ACCURACY = 0.03  # a whole plate of tetrahedra as a cross-check, not as the answer
+COARSEST = 3  # lowest order of a cell's elements
+FINEST = 24  # least number of intervals per segment for following branches and searching gaps
+PLATE_ACCURACY = 0.03  # a whole plate of tetrahedra as a cross-check, not as the result
 PLATE_TETRAHEDRA = 2.0  # across its smallest dimension then: 1.9 % too high; 1.4, 3.2 % too high, lose the confinement
 NEAR_COUNT = 16
 
 
 def cell_level(accuracy: float) -> MeshLevel:
-    """The mesh level at which a reduced cell or an assembled plate begins for an accuracy."""
+    """First mesh level of a reduced cell or an assembled plate for an accuracy."""
     return next(level for limit, level in CELL_LEVELS.items() if accuracy >= limit)
 
 
 def finer_cell_level(level: MeshLevel) -> MeshLevel | None:
-    """The next mesh level of a reduced cell; None after the finest."""
+    """Next mesh level of a reduced cell; None after the finest."""
     return _after(level, tuple(CELL_LEVELS.values()))
 
 
 def finer_level(part: str, level: MeshLevel) -> MeshLevel | None:
-    """The next mesh level of a part solved as meshed; None after the finest."""
+    """Next mesh level of a part solved without reduction; None after the finest."""
     return _after(level, mesh_levels(part))
 
 
@@ -94,12 +94,12 @@ def _after(level: MeshLevel, levels: tuple[MeshLevel, ...]) -> MeshLevel | None:
 
 
 def mesh_levels(part: str) -> tuple[MeshLevel, ...]:
-    """The meshes of a part solved as meshed: zone, pillar, cell, or the whole plate."""
+    """Mesh levels of a part solved without reduction: zone, pillar, cell, or the whole plate."""
     return MESH_LEVELS[part]
 
 
 def mesh_level(part: str, accuracy: float) -> MeshLevel:
-    """The cheapest mesh level expected to meet the accuracy on a part; the finest where none is."""
+    """Cheapest mesh level expected to meet the accuracy on a part; the finest if none is."""
     for row in mesh_levels(part):
         expected = expected_error(part, row)
         if expected is not None and expected <= accuracy:
@@ -108,10 +108,9 @@ def mesh_level(part: str, accuracy: float) -> MeshLevel:
 
 
 def reaching(part: str, design: Design, accuracy: float, high_hz: float) -> tuple[MeshLevel, float]:
-    """The cheapest mesh level expected to meet the accuracy for a lone part's modes up to a frequency, and the
-    frequency it serves to.
+    """Cheapest mesh level expected to meet the accuracy for modes of an isolated part, and the highest frequency it serves.
 
-    Where every mesh level misses beyond the frequencies that were measured, the elements shrink with the waves.
+    If every mesh level misses the accuracy above the calibrated frequencies, the elements shrink with the waves.
     """
     good = good_to_hz(part, design)
     growth = max(1.0, high_hz / good)
@@ -123,14 +122,12 @@ def reaching(part: str, design: Design, accuracy: float, high_hz: float) -> tupl
 
 
 def expected_error(part: str, row: MeshLevel, growth: float = 1.0) -> float | None:
-    """Error to expect of a mesh level at `growth` times the frequencies measured; None where it was not measured."""
+    """Expected error of a mesh level at `growth` times the calibrated frequencies; None without a measurement."""
     return calibration.by_hexahedra(part, row, calibration.PLATE if part == "whole" else calibration.HEX, growth)
 
 
 def good_to_hz(part: str, design: Design) -> float:
-    """Highest frequency, Hz, covered by the calibration of a part: the target mode, three bendings, or ten bands of a
-    cell.
-    """
+    """Highest calibrated frequency of a part, Hz: target mode of a zone, third bending of a pillar, tenth band of a cell."""
     if part == "zone":
         return _target_hz(design)
     if part == "pillar":
@@ -143,8 +140,10 @@ def good_to_hz(part: str, design: Design) -> float:
 
 
 def whole_level(design: Design, accuracy: float, high_hz: float) -> MeshLevel:
-    """The mesh level of a plate meshed whole; one without feet has elements of the highest order, no longer than half a shear
-    wave, whose error two orders less tell.
+    """Mesh level of a plate meshed whole.
+
+    Without feet, its elements have the highest order and at most half a shear wavelength; two lower orders estimate their
+    error.
     """
     level = mesh_level("whole", accuracy)
     if design.pillar:
@@ -157,14 +156,14 @@ def whole_level(design: Design, accuracy: float, high_hz: float) -> MeshLevel:
 
 
 def zone_mesh(design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSettings:
-    """Elements of the bare strip for modes up to a frequency: its clamped faces are singular edges."""
+    """Elements of the bare strip for modes up to a frequency; its clamped faces end in singular edges."""
     longest = min(design.line_spacing_m * 2.0 / 3.0, design.width_m / ACROSS)
     size = min(longest, max(MAX_LENGTH * design.thickness_m, LOCKED * longest))
     return _settings(row, size * _shrunk("zone", design, high_hz))
 
 
 def pillar_mesh(design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSettings:
-    """Elements of the lone pillar for modes up to a frequency: two along the section, graded towards the clamped foot."""
+    """Elements of the isolated pillar up to a frequency: two across the section, graded towards the clamped foot."""
     assert design.pillar
     shrunk = _shrunk("pillar", design, high_hz)
     along = row.share * shrunk * _along(design)
@@ -172,7 +171,7 @@ def pillar_mesh(design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSett
 
 
 def lone_mesh(part: str, design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSettings:
-    """Elements of the zone or of the lone pillar for modes up to a frequency."""
+    """Elements of the isolated zone or pillar for modes up to a frequency."""
     return (zone_mesh if part == "zone" else pillar_mesh)(design, row, high_hz)
 
 
@@ -182,7 +181,7 @@ def _shrunk(part: str, design: Design, high_hz: float) -> float:
 
 
 def cell_mesh(design: Design, row: MeshLevel) -> HexSettings:
-    """Elements of plate and cells: two thicknesses wide, no thicker than about a foot is wide, graded towards the feet."""
+    """Elements of plate and cells: two thicknesses wide, at most about a foot's width thick, graded towards the feet."""
     mesh = _settings(row, 2.0 * design.thickness_m, _along(design) if design.pillar else None)
     if not design.pillar or row.order > COARSEST:
         return mesh
@@ -192,9 +191,7 @@ def cell_mesh(design: Design, row: MeshLevel) -> HexSettings:
 
 
 def with_nodes_for(face: Interface, mesh: HexSettings) -> HexSettings:
-    """The mesh of a cell with a node through the plate for each degree, as the ones without its layers and of one order less
-    need it, too.
-    """
+    """Mesh of a cell with a node through the plate for each degree, also without its layers and at one order less."""
     if face.through <= COARSEST:
         return mesh
     plain, lower = ceil(face.through / mesh.order), ceil(face.through / (mesh.order - 1)) - bool(mesh.layers)
@@ -202,7 +199,7 @@ def with_nodes_for(face: Interface, mesh: HexSettings) -> HexSettings:
 
 
 def cell_settings(design: Design, accuracy: float) -> HexSettings:
-    """Hexahedra of a cell solved as meshed, for an accuracy."""
+    """Hexahedra of a cell solved without reduction, for an accuracy."""
     return cell_mesh(design, cell_level(accuracy))
 
 
@@ -211,14 +208,12 @@ def _settings(row: MeshLevel, size_m: float, along_m: float | None = None) -> He
 
 
 def _along(design: Design) -> float:
-    """Element length along a pillar, m: four elements follow its third bending, which lies among the lowest bands of
-    a slender one.
-    """
+    """Element length along a pillar, m: four elements resolve its third bending, among the lowest bands if it is slender."""
     return min(min(pillar.base_m, pillar.height_m / 4.0) for pillar in design.kinds)
 
 
 def is_tight(design: Design) -> bool:
-    """Whether feet stand so close to the sides of their panels that those strain through the thickness there."""
+    """Whether feet are so close to the sides of their panels that these strain through the thickness."""
     return design.foot_room_m < TIGHT * design.thickness_m
 
 
@@ -228,10 +223,9 @@ def shear_cutoff_hz(design: Design) -> float:
 
 
 def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> ReductionSettings:
-    """Reduction settings of the unit cell for its lowest bands, from which a coarse cell is refined to the
-    accuracy.
+    """First reduction settings of the unit cell for its lowest bands; a coarse cell refines them to the accuracy.
 
-    most_hz: no fixed-interface mode above it to begin with, where slow pillars have many that no band asked for needs.
+    most_hz: upper limit of the first cut-off, for slow pillars with many modes that the requested bands do not need.
     """
     longest = max(design.pitch_x_m, design.pitch_y_m)
     top = 1.5 * shear_cutoff_hz(design) * 2.0 * design.thickness_m / max(2.0 * design.thickness_m, longest)
@@ -244,10 +238,10 @@ def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> 
 
 
 def plate_reduction(design: Design, accuracy: float, high_hz: float) -> ReductionSettings:
-    """Reduction of a plate's panels for modes up to a frequency, Hz; further degrees through the thickness with it where the
-    plate is not thin for their waves, or its feet stand close to the sides of their panels.
+    """Reduction settings of a plate's panels for modes up to a frequency, Hz.
 
-    Panels without a pillar are no longer than a shear wave, their elements than half a one.
+    They include further degrees through the thickness if the plate is not thin for these waves, or if feet are close to the
+    sides of their panels. Bare panels are at most one shear wavelength long, and their elements half of one.
     """
     longest = max(design.pitch_x_m, *design.row_pitches_m) if design.rows else 3.0 * design.thickness_m
     share = longest / design.line_spacing_m
@@ -264,8 +258,9 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
 
 
 def cutoff_to_hz(design: Design, accuracy: float, high_hz: float) -> float:
-    """Up to where a plate's panels keep fixed-interface modes for modes up to a frequency, Hz; further for a finer accuracy as
-    long as the plate is thin, whose panels have few of them.
+    """Cut-off of the fixed-interface modes of a plate's panels, Hz, for modes up to a frequency.
+
+    A finer accuracy raises it while the plate is thin, because such panels have few of these modes.
     """
     shear_hz = shear_cutoff_hz(design)
     thin = _finer(accuracy) * min(high_hz, THIN_TO * shear_hz)
@@ -273,26 +268,24 @@ def cutoff_to_hz(design: Design, accuracy: float, high_hz: float) -> float:
 
 
 def _finer(accuracy: float) -> float:
-    """How much further fixed-interface modes go up than at 1 %."""
+    """Cut-off of the fixed-interface modes over that at 1 % accuracy."""
     return float((0.01 / min(accuracy, 0.01)) ** FINER)
 
 
 def degree_through(design: Design, accuracy: float, high_hz: float) -> int:
-    """The degree through the thickness whose polynomials miss little of a shear wave of a frequency, Hz, that crosses it. Each
-    solve's own estimate checks it.
-    """
+    """Degree through the thickness that resolves a shear wave across it at a frequency, Hz; each solve's estimate checks it."""
     phase = pi / 2.0 * high_hz / shear_cutoff_hz(design)
     return degree_of(phase, accuracy / SEEN, THROUGH, MAX_THROUGH)
 
 
 def degree_along(design: Design, accuracy: float, high_hz: float, least: int) -> int:
-    """The same of the functions along a cell's longer side, which a coarse cell chooses, as far as waves alone tell it."""
+    """Degree along a cell's longer side that resolves shear waves at a frequency, Hz, at least `least`."""
     phase = pi / 2.0 * high_hz / shear_cutoff_hz(design) * max(design.lattice.cell_m) / design.thickness_m
     return degree_of(phase, ALONG_LEFT * accuracy, least, MAX_ALONG)
 
 
 def degree_of(phase: float, missed: float, least: int, most: int) -> int:
-    """The degree, between two, whose polynomials miss no more than so much of the energy of exp(i x s) on [-1, 1].
+    """Lowest degree from `least` to `most` whose polynomials miss at most `missed` of the energy of exp(i x s) on [-1, 1].
 
     Degree n has (2n + 1) j_n(x)^2 of it, j_n the spherical Bessel function, at most x^n / (2n + 1)!!.
     """
@@ -304,7 +297,7 @@ def degree_of(phase: float, missed: float, least: int, most: int) -> int:
 
 
 def bare_size_m(design: Design, order: int) -> float | None:
-    """Element size, m, of panels without a pillar: nothing is singular there, and order 3 follows the wave."""
+    """Element size, m, of panels without a pillar, which have no singular edges: order 3 resolves the wave."""
     return 2.0 * design.thickness_m if order > 2 else None
 
 
@@ -320,7 +313,7 @@ def tet_cell_edge_m(design: Design, accuracy: float) -> float:
 
 
 def tet_plate_edge_m(design: Design, accuracy: float) -> float:
-    """Edge length, m, in a plate meshed whole, which cannot afford less than 1 %."""
+    """Edge length, m, in a plate meshed whole; an accuracy finer than 1 % costs too much there."""
     smallest = _smallest_m(design) if design.rows else design.thickness_m
     return smallest / PLATE_TETRAHEDRA if accuracy >= PLATE_ACCURACY else tet_edge_m(smallest, max(accuracy, 0.01))
 
@@ -330,16 +323,18 @@ def _smallest_m(design: Design) -> float:
 
 
 def target_window_hz(design: Design) -> tuple[float, float]:
-    """Window in which the target mode is searched first, Hz: about the zone's exact thin-plate frequency between pinned sides,
-    and up to the zone between clamped ones, which no row of pillars can exceed.
+    """First search window of the target mode, Hz, around the zone's exact thin-plate frequency between pinned sides.
+
+    It reaches at least the frequency between clamped sides, which rows of pillars cannot exceed.
     """
     estimate = _target_hz(design)
     return WINDOW[0] * estimate, max(WINDOW[1] * estimate, clamped_hz(design))
 
 
 def search_window_hz(design: Design) -> tuple[float, float]:
-    """Window from which a plate's target mode is searched, Hz: the same, from the zone's frequency in its shape rigid across
-    upwards. Slower motion does not bend across the zone, however like half a sine it looks.
+    """Search window of a plate's target mode, Hz: the target window, extended down to the zone's shape that is rigid across.
+
+    Slower motion does not bend across the zone, even if it resembles half a sine.
     """
     low, high = target_window_hz(design)
     if design.nodal_lines < 2:  # its shape is rigid along: rigid across, it would not bend at all
@@ -349,7 +344,7 @@ def search_window_hz(design: Design) -> tuple[float, float]:
 
 
 def clamped_hz(design: Design) -> float:
-    """The zone's frequency between clamped sides, with shear unless it is rigid along x, Hz; 0 where its shape is not known."""
+    """Frequency of the zone between clamped sides, Hz, with shear unless it is rigid along x; 0 for an unknown shape."""
     return _clamped_hz(_strip(design), design.nodal_lines)
 
 
@@ -361,7 +356,7 @@ def _clamped_hz(strip: Strip, lines: int) -> float:
 
 
 def _target_hz(design: Design) -> float:
-    """The zone's exact thin-plate frequency, Hz."""
+    """Exact thin-plate frequency of the zone, Hz."""
     strip = _strip(design)
     pinned = design.nodal_lines < 2  # a rigid shape along x: cylindrical bending across the zone
     return thin_plate_hz(strip, 0.0, strip.across_per_m) if pinned else levy_hz(strip, design.nodal_lines)
@@ -374,5 +369,5 @@ def _strip(design: Design) -> Strip:
 
 
 def refinement_of(points: int) -> int:
-    """Return by how much the intervals of a path's segments are refined to follow branches."""
+    """Return the factor by which a path's intervals are refined to follow branches."""
     return -(-FINEST // points)

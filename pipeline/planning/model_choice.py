@@ -1,7 +1,7 @@
-"""How each part of a scene is modelled and what is looked for in it: what a plan lists and computations then build.
+"""Model and mesh of each part of a scene, and the request for its modes: a plan lists them, computations build from them.
 
-One element of order 3 through the plate, the pillar a box as wide as its foot. A coarse mesh's frequencies lie above those of
-finer ones, so that no band asked for lies above what is found here.
+The coarse cell has one element of order 3 through the plate; its pillar is a box as wide as the foot. Its frequencies lie
+above those of finer meshes, so it gives an upper limit for the requested bands.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ if TYPE_CHECKING:
 
 ORDER = 3
 STEP = 1.2  # factor within which the highest band is found
-MANY = 4  # elements of a plate thin compared with its pitch, along the longer pitch
-SLENDER = 4.0  # widths of a foot that an element along the pillar is long at least
-FEW = 25  # bands that one element of a stub holds
-RESOLVED = 1.0 / 16.0  # of the coarse cell's degrees of freedom: more modes are too short for its elements
-HALF_WAVES = 3.0  # bands for each half-wave along a pillar: two bending modes, one of torsion or longitudinal
+MANY = 4  # elements along the longer pitch, for a plate that is thin compared with it
+SLENDER = 4.0  # shortest element along the pillar, in widths of its foot
+FEW = 25  # bands that one element of a stub can represent
+RESOLVED = 1.0 / 16.0  # of the coarse cell's degrees of freedom: further modes are too short for its elements
+HALF_WAVES = 3.0  # bands per half-wave along a pillar: two bending modes, one of torsion or longitudinal
 
-# the highest band asked for: a cell begins with fixed-interface modes below; a coarse cell tells how many more
+# first cut-off of a cell's fixed-interface modes over the highest requested band; a coarse cell may raise it
 BEYOND = 4.0
 
 SUPERELEMENT, SOLID = "superelement", "solid"
 DEFAULT_COUNT = 20
 SIGNS = {"SS": "++", "SA": "+-", "AS": "-+", "AA": "--"}  # u_z symmetric or antisymmetric, x then y: as signs
-MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the target mode
+MEASURED = ("plate", "zone")  # parts with a touch face, which identifies the target mode
 
 
 class CoarseCell:
@@ -58,7 +58,7 @@ class CoarseCell:
 
     @cached_property
     def _system(self) -> System:
-        from solvers.fem.assembly import assemble  # slow to import, and plans that ask for no bands need none
+        from solvers.fem.assembly import assemble  # slow to import, and needed for plans with bands only
 
         settings = coarse_settings(self.design, self.count)
         settings = replace(settings, size_m=max(settings.size_m, max(self.design.lattice.cell_m) / MANY))
@@ -74,9 +74,9 @@ class CoarseCell:
         return BlochCell(self._system, lattice).pencil(lattice.reciprocal_per_m.sum(axis=0) / 2.0)[0]
 
     def bands_end_hz(self, below_hz: float) -> float:
-        """Frequency, Hz, below which the bands asked for end at the zone's corner, within STEP; at most below_hz.
+        """Upper limit of the requested bands at the zone's corner, Hz, within STEP; at most below_hz.
 
-        By bisection of inertia counts, from a guess by a count that goes as the frequency squared.
+        Found by bisection of inertia counts; the first guess assumes a count that goes as the frequency squared.
         """
         if below_hz not in self._ends_hz:
             found = next((end for below, end in self._ends_hz.items() if end < below), None)
@@ -84,11 +84,11 @@ class CoarseCell:
         return self._ends_hz[below_hz]
 
     def resolves(self, modes: float) -> bool:
-        """Whether the elements follow so many modes."""
+        """Whether the elements resolve this number of modes."""
         return modes <= RESOLVED * self._system.mesh.dof
 
     def fixed_modes(self, below_hz: float) -> int:
-        """Modes below a frequency, Hz, of the cell with its four sides held."""
+        """Number of modes below a frequency, Hz, of the cell with its four sides clamped."""
         if below_hz not in self._fixed:
             from solvers.fem.eigen import count_below
             from solvers.fem.solid import constrain, free_mask
@@ -115,13 +115,12 @@ class CoarseCell:
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """Model and mesh of one part: the objects that the solvers then build from, not a description of them.
+    """Model and mesh of one part, as the objects from which the solvers build.
 
-    hexahedra: settings of a structured mesh; edge_m: edge length of tetrahedra where the part is meshed through CAD;
-    reduction: settings of the superelement, None for a solid; quarter: symmetry classes are solved one by one on a quarter.
-    The mesh of a part solved as meshed makes no larger error than its calibration tells up to good_to_hz; a reduced one
-    tells its own. `left_out` are the simplifications, `why`
-    the reasons.
+    hexahedra: settings of a structured mesh; edge_m: edge length of tetrahedra if the part is meshed through CAD;
+    reduction: settings of the superelement, None for a solid; quarter: symmetry classes are solved one by one on a quarter;
+    left_out: simplifications; why: reasons; good_to_hz: frequency up to which the calibration covers a part solved without
+    reduction. A reduced part estimates its own error.
     """
 
     part: str
@@ -164,7 +163,7 @@ class ModelChoice:
 
 @dataclass(frozen=True)
 class Expected:
-    """The target mode as another model has it: its frequency and its strength in the target shape."""
+    """Target mode of another model: its frequency and its effective-mass fraction in the target shape."""
 
     frequency_hz: float
     strength: float
@@ -172,10 +171,10 @@ class Expected:
 
 @dataclass(frozen=True)
 class Request:
-    """What to solve: a band, or `count` modes near a frequency (0: the lowest); one symmetry class or all.
+    """Request for modes: a band, or `count` modes near a frequency (0: the lowest); one symmetry class or all.
 
-    search: look for the target mode in its own window, beyond what is asked for; else among the modes found alone.
-    expected: look for it in the band asked for, which is widened only while it holds no mode as strong as that one.
+    search: look for the target mode in its own window, too, instead of only among the modes requested.
+    expected: look for it in the requested band, which is widened only until it holds a mode as strong as this one.
     """
 
     part: str = "plate"
@@ -188,12 +187,12 @@ class Request:
 
     @property
     def highest_hz(self) -> float | None:
-        """Up to where a model has to be good, Hz; None where the request does not say."""
+        """Highest frequency that the model has to resolve, Hz; None if the request does not fix it."""
         return self.band_hz[1] if self.band_hz else 2.0 * (self.near_hz or 0.0) or None
 
 
 def coarse_settings(design: Design, count: int, through: int = 1) -> HexSettings:
-    """Elements of the coarse cell for its lowest bands, each of a slender pillar at most a half-wave long."""
+    """Elements of the coarse cell for its lowest bands; along a slender pillar they are at most a half-wave long."""
     size_m, pillar, parts = 2.0 * design.thickness_m, design.pillar, ceil(sqrt(count / FEW))
     if pillar is None:
         return HexSettings(ORDER, size_m, 0, through=through)
@@ -204,68 +203,68 @@ def coarse_settings(design: Design, count: int, through: int = 1) -> HexSettings
 
 @lru_cache(maxsize=64)
 def coarse_cell(design: Design, count: int) -> CoarseCell:
-    """The coarse cell of a design for its lowest bands."""
+    """Coarse cell of a design for its lowest bands."""
     return CoarseCell(design, count)
 
 
 def model_choice_of(case: Case, part: str, high_hz: float) -> ModelChoice:
-    """Choose model and mesh of a part for modes up to a frequency. Raises InputError for a model that cannot serve."""
+    """Choose model and mesh of a part for modes up to a frequency; InputError for an unsuitable model."""
     check_model(case, part == "zone" or _hexahedra(case, part))
     return _plate(case, high_hz) if part == "plate" else _lone_part(case, part, high_hz)
 
 
 def check_model(case: Case, hexahedra: bool) -> None:
-    """Refuse an analytic model for a computed question, and hexahedra for a shape that they cannot follow."""
+    """Reject an analytic model for a computed question, and hexahedra for a shape that they cannot follow."""
     faults = []
     if case.solve.model == "analytic":
         faults.append(
-            "solve.model = 'analytic': must be auto, superelement or solid here; `antinode predesign` is analytic"
+            "solve.model = 'analytic': must be auto, superelement or solid here; for theory use `antinode predesign`"
         )
     if case.solve.mesh == HEX and not hexahedra:
         pillar = case.design.pillar
-        what = f"a {pillar.shape} pillar{' with a fillet' if pillar.fillet_m else ''}" if pillar else "the scene"
-        faults.append(f"solve.mesh = 'hex': must be auto or tet, hexahedra do not follow {what} here")
+        what = f"a {pillar.shape} pillar{' with a fillet' if pillar.fillet_m else ''}" if pillar else "this scene"
+        faults.append(f"solve.mesh = 'hex': must be auto or tet; hexahedra cannot follow {what}")
     if faults:
         raise InputError(f"{case.source or case.name}: {fault}" for fault in faults)
 
 
 def check_stagger(case: Case) -> None:
-    """InputError where staggered panels, half a pitch wide, cannot hold a pillar: both kinds of rows share their lines."""
+    """Raise InputError if staggered panels, half a pitch wide because both kinds of rows share lines, cannot hold a pillar."""
     design = case.design
     reach = max((pillar.reach_m[0] for pillar in design.kinds), default=0.0)
     if design.pitch_x_m / 2.0 < (1.0 + MIN_GAP) * reach:
         need = f"array.pitch_x_mm above {2e3 * reach:g}, twice the pillars' width, or solve.model = 'solid'"
-        raise InputError(f"{case.source or case.name}: array.stagger = true: cells of half a pitch need {need}")
+        raise InputError(f"{case.source or case.name}: array.stagger = true: cells half a pitch wide need {need}")
 
 
 def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
-    """How the unit cell is modelled: reduced, or as meshed when the case asks for the solid and boxes allow it.
+    """Choose the model of the unit cell: reduced, or unreduced if the case requests a solid and boxes allow it.
 
-    high_hz: waves up to there are asked for, too, beside the lowest bands.
+    high_hz: highest frequency of the waves that are needed in addition to the lowest bands.
 
-    Raises InputError for a model that cannot serve.
+    Raises InputError for an unsuitable model.
     """
     case.require_one_kind("the unit cell is")
     check_model(case, _hexahedra(case, "cell"))
     design, accuracy = case.design, case.solve.accuracy
     no_cad = simplifications.hexahedra(case, "cell")
     if design.stagger and not no_cad:
-        what = "its cell takes pillars that hexahedra follow with room about them, and solve.mesh auto or hex"
+        what = "needs pillars that hexahedra can follow, with room around their feet, and solve.mesh auto or hex"
         raise InputError(f"{case.source or case.name}: array.stagger = true: {what}")
     taken = (simplifications.no_pillars(design, "cell"), no_cad)
     if case.solve.model == SOLID and no_cad:
         level, settings = mesh_rules.cell_level(accuracy), mesh_rules.cell_settings(design, accuracy)
-        return _choice(case, "cell", SOLID, level, settings, None, taken, why="the case asks for it")
+        return _choice(case, "cell", SOLID, level, settings, None, taken, why="the case requests a solid")
     if design.stagger:
         check_stagger(case)
     reduction = mesh_rules.lattice_reduction(design, accuracy, _modes_end_hz(case, high_hz))
     edge = None if no_cad else mesh_rules.tet_cell_edge_m(design, accuracy)
-    why, level = "one reduced pair serves every wavevector", mesh_rules.cell_level(accuracy)
+    why, level = "one reduced pair of matrices serves every wavevector", mesh_rules.cell_level(accuracy)
     return _choice(case, "cell", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
 
 
 def with_defaults(case: Case, request: Request) -> Request:
-    """Complete a request by the case, then by pre-design."""
+    """Complete a request with the settings of the case, then with those of the predesign."""
     solve, query = case.solve, request
     if query.band_hz is None and query.near_hz is None and query.count is None:
         query = replace(query, band_hz=solve.band_hz, near_hz=solve.near_hz, count=solve.count)
@@ -282,23 +281,19 @@ def with_defaults(case: Case, request: Request) -> Request:
 
 
 def of_case(case: Case) -> Request:
-    """Request of a study for the plate's modes: the case's window and the target mode's in one, of the target mode's
-    class.
-    """
+    """Request of a study for the plate's modes: the windows of the case and the target mode joined, in its class."""
     solve = case.solve
     return with_search(case, Request("plate", solve.band_hz, solve.near_hz, solve.count, case.target_symmetry))
 
 
 def target_window_hz(case: Case, query: Request) -> tuple[float, float] | None:
-    """Window in which the target mode is searched first; None for parts and symmetry classes that have none."""
+    """First search window of the target mode; None for parts and symmetry classes without one."""
     own = query.part in MEASURED and query.symmetry in (None, target_symmetry(case.design.nodal_lines))
     return mesh_rules.search_window_hz(case.design) if own else None
 
 
 def model_high_hz(case: Case, query: Request) -> float:
-    """Highest frequency, Hz, for which the model has to be good: the request's, and the target mode's window where
-    they meet.
-    """
+    """Highest frequency that the model has to resolve, Hz: that of the request and of a target window that meets it."""
     high = query.highest_hz or mesh_rules.target_window_hz(case.design)[1]
     window = target_window_hz(case, query) if query.search else None
     meets = window and window[0] <= high and (query.band_hz is None or query.band_hz[0] <= window[1])
@@ -306,14 +301,12 @@ def model_high_hz(case: Case, query: Request) -> float:
 
 
 def response_high_hz(case: Case, band_hz: tuple[float, float]) -> float:
-    """Highest frequency, Hz, for which the plate of a response has to be good: that of its modes in the same band, so that
-    both are assembled from the same reduced panels.
-    """
+    """Highest frequency that a response's plate has to resolve, Hz: that of the modes in its band, to share their panels."""
     return model_high_hz(case, Request("plate", band_hz))
 
 
 def with_search(case: Case, query: Request) -> Request:
-    """Widen the request's band by the target mode's window where they meet."""
+    """Join the band of a request with the target mode's window if they meet."""
     window = target_window_hz(case, query) if query.search else None
     band = query.band_hz
     if not window or not band or band[0] > window[1] or window[0] > band[1]:
@@ -322,20 +315,20 @@ def with_search(case: Case, query: Request) -> Request:
 
 
 def driven_band_hz(case: Case, band_hz: tuple[float, float] | None) -> tuple[float, float]:
-    """Band of a response or an attenuation: the given one, else the case's, else about the target mode."""
+    """Band of a response or an attenuation: the given one, else the case's, else one around the target mode."""
     return band_hz or case.solve.band_hz or mesh_rules.target_window_hz(case.design)
 
 
 def _hexahedra(case: Case, part: str) -> bool:
-    """Whether hexahedra serve a part, where the case asks for them by name."""
+    """Whether hexahedra can mesh a part, or the case does not insist on them."""
     return case.solve.mesh != HEX or simplifications.hexahedra(case, part) is not None
 
 
 def _lone_part(case: Case, part: str, high_hz: float) -> ModelChoice:
-    """The zone between clamped sides, or the pillar on a clamped foot, whose tetrahedra mesh it whole."""
+    """Choose the model of the zone between clamped sides, or of the pillar on a clamped foot."""
     design, accuracy = case.design, case.solve.accuracy
     if part == "pillar":
-        case.require_one_kind("the lone pillar is")
+        case.require_one_kind("the isolated pillar is")
     no_cad = simplifications.hexahedra(case, part)
     quarter = simplifications.mirror_images(design, part) if no_cad or part == "zone" else None
     level, top_hz = mesh_rules.reaching(part, design, accuracy, high_hz)
@@ -353,21 +346,22 @@ def _plate(case: Case, high_hz: float) -> ModelChoice:
         level = mesh_rules.whole_level(design, accuracy, high_hz)
         hexahedra = mesh_rules.cell_mesh(design, level) if no_cad else None
         edge = None if no_cad else mesh_rules.tet_plate_edge_m(design, accuracy)
-        return _choice(case, "plate", SOLID, level, hexahedra, edge, taken, why="the case asks for it", table="whole")
+        why = "the case requests a solid"
+        return _choice(case, "plate", SOLID, level, hexahedra, edge, taken, why=why, table="whole")
     if design.is_staggered:
         check_stagger(case)
     reduction = mesh_rules.plate_reduction(design, accuracy, high_hz)
     edge = None if no_cad or bare else mesh_rules.tet_cell_edge_m(design, accuracy)
-    why = "cells assembled cost one reduction a kind; one mesh level finer where their own estimate asks for it"
+    why = "assembling cells needs one reduction per kind; their error estimate refines the mesh if necessary"
     taken = (*taken, simplifications.alike_cells(design))
     level = mesh_rules.cell_level(accuracy)
     return _choice(case, "plate", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
 
 
 def _modes_end_hz(case: Case, high_hz: float) -> float:
-    """No fixed-interface mode above it is worth its place; infinity where no pillar has modes below the plate's.
+    """Highest useful cut-off of the fixed-interface modes, Hz; infinite if no pillar has modes below the plate's.
 
-    Panels of staggered rows keep as many as a plate's do.
+    Panels of staggered rows keep as many as those of a plate.
     """
     design = case.design
     if design.pillar is None:
@@ -376,7 +370,7 @@ def _modes_end_hz(case: Case, high_hz: float) -> float:
     plate_hz = mesh_rules.lattice_reduction(design, case.solve.accuracy).top_hz
     try:
         end_hz = coarse_cell(design, case.bands.count).bands_end_hz(plate_hz)
-    except SolverError:  # beyond what a coarse mesh can count
+    except SolverError:  # more modes than a coarse mesh can count
         return inf
     return max((mesh_rules.REACH if design.stagger else BEYOND) * end_hz, mesh_rules.REACH * high_hz)
 
@@ -400,11 +394,14 @@ def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLe
     accuracy = f"accuracy {case.solve.accuracy:g}"
     if hexahedra:
         error = None if reduced else mesh_rules.expected_error(part, level)
-        known = "" if error is None else f"{percent(error)} were measured on the calibrated design, "
-        reason = f"{known}two coarser meshes tell its own error, and a finer one is taken where it misses"
-        return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers: {reason}",)
-    shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "hexahedra do not follow the pillar"
-    return (shape, f"{accuracy} sets their edges, and shorter ones are taken where their stresses tell that it misses")
+        known = "" if error is None else f" (error {percent(error)} on the calibrated design)"
+        mesh = f"order {hexahedra.order} with {hexahedra.layers} graded layers{known}"
+        return (f"{accuracy} selects {mesh}; two coarser meshes estimate the error, which refines it if necessary",)
+    shape = "the case requests tetrahedra" if case.solve.mesh == TET else "hexahedra cannot follow the pillar"
+    return (
+        shape,
+        f"{accuracy} sets their edge length; stress recovery estimates the error, which shortens it if necessary",
+    )
 
 
 def _mm(length_m: float) -> str:

@@ -1,8 +1,7 @@
-"""What will be computed for a case, and what will not: the steps with model, mesh, classes, window, and the reasons.
+"""Plan of a case: its steps with model, mesh, symmetry classes, window and reasons, and what they leave out.
 
-Every entry is asked from the functions that the computation itself asks (`model_choice`, `request`, `simplifications`),
-so that a plan is what happens; `pipeline.batch.case_study` runs a study's case by its plan. Nothing here solves or
-meshes.
+A plan and the computation call the same functions (`model_choice`, `request`, `simplifications`), so they cannot differ;
+`pipeline.batch.case_study` runs a study's case by its plan. Nothing here solves or meshes.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pipeline.case.model import Case
-from pipeline.planning import driven_demand, foresight, simplifications
+from pipeline.planning import driven_demand, resource_estimate, simplifications
 from pipeline.planning.model_choice import (
     ModelChoice,
     Request,
@@ -22,7 +21,7 @@ from pipeline.planning.model_choice import (
     with_defaults,
     with_search,
 )
-from pipeline.planning.resources import Demand, too_much
+from pipeline.planning.resources import ResourceEstimate, shortfall
 from pipeline.planning.simplifications import Simplification, khz
 
 RESPONSE_POINTS = 401
@@ -30,11 +29,10 @@ RESPONSE_POINTS = 401
 
 @dataclass(frozen=True)
 class Step:
-    """One computation: the measure it serves, model and mesh in words, symmetry classes, what it looks for, and the
-    reasons.
+    """One computation: its measure, model and mesh in words, symmetry classes, search window and reasons.
 
-    `numbers` holds the same for scripts: band_hz or near_hz with count, wavevectors, frequencies, kx_per_m, patches. `choice`:
-    model and mesh that the computation then builds from.
+    `numbers` holds them for scripts: band_hz or near_hz with count, wavevectors, frequencies, kx_per_m, patches.
+    `choice` is the model and mesh from which the computation then builds.
     """
 
     measure: str
@@ -46,17 +44,17 @@ class Step:
     why: tuple[str, ...]
     left_out: tuple[Simplification, ...] = ()
     numbers: dict[str, Any] = field(default_factory=dict)
-    demand: Demand | None = None
+    demand: ResourceEstimate | None = None
     choice: ModelChoice | None = None
 
     def text(self) -> str:
-        """One line."""
+        """Return the step as one line."""
         parts = [self.model, self.mesh, f"class {', '.join(self.classes)}" if self.classes else "", self.looks_for]
         said = "; ".join(part for part in parts if part)
         return f"{self.name}: {said}" if said else self.name
 
     def to_dict(self) -> dict[str, Any]:
-        """The step as plain JSON."""
+        """Return the step as plain JSON."""
         keys = ("measure", "name", "model", "mesh", "looks_for")
         plain: dict[str, Any] = {key: getattr(self, key) for key in keys}
         foreseen = {"foreseen": self.demand.to_dict()} if self.demand else {}
@@ -65,7 +63,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Plan:
-    """Steps in their order, and the simplifications of the scene as a whole."""
+    """Steps in order, and the simplifications of the scene as a whole."""
 
     name: str
     steps: tuple[Step, ...]
@@ -73,35 +71,35 @@ class Plan:
 
     @property
     def left_out(self) -> tuple[Simplification, ...]:
-        """Return every simplification, of a step or of the scene as a whole, each once."""
+        """Return every simplification of a step or of the whole scene, each once."""
         return tuple(dict.fromkeys([each for step in self.steps for each in step.left_out] + [*self.whole]))
 
     @property
-    def demands(self) -> dict[str, Demand]:
-        """Return what each step will take, by its name."""
+    def demands(self) -> dict[str, ResourceEstimate]:
+        """Return the resource estimate of each step, by the step's name."""
         return {step.name: step.demand for step in self.steps if step.demand}
 
     def text(self) -> str:
-        """For people: every step with its reasons, then what is left out."""
+        """Return the plan as text: every step with its reasons, then the simplifications."""
         lines = [f"plan for {self.name}"]
         for number, step in enumerate(self.steps, start=1):
             lines.append(f"{number}. {step.text()}")
             lines += [f"   because {reason}" for reason in step.why]
-            lines += [f"   {line}" for line in _foreseen(step)]
-        left_out = [f"   {each.rule}: {each.what}, {each.why}" for each in self.left_out]
+            lines += [f"   {line}" for line in _estimated(step)]
+        left_out = [f"   {each.rule}: {each.what} ({each.why})" for each in self.left_out]
         lines += ["left out", *left_out] if left_out else []
         return "\n".join(lines)
 
     def short(self) -> str:
-        """One line a step with its reasons, and the rules taken."""
+        """Return one line per step with its reasons, and the names of the simplifications."""
         lines = []
         for step in self.steps:
             lines.append(f"{step.text()}; because {', '.join(step.why)}")
-            lines += _foreseen(step)
+            lines += _estimated(step)
         return "\n".join([*lines, f"left out: {', '.join(dict.fromkeys(each.rule for each in self.left_out))}"])
 
     def to_dict(self) -> dict[str, Any]:
-        """The plan as plain JSON."""
+        """Return the plan as plain JSON."""
         return {
             "name": self.name,
             "steps": [step.to_dict() for step in self.steps],
@@ -109,16 +107,16 @@ class Plan:
         }
 
 
-def _foreseen(step: Step) -> list[str]:
-    """Describe a step's demand, and say so where this machine cannot hold it."""
+def _estimated(step: Step) -> list[str]:
+    """Describe the resource estimate of a step, and whether it exceeds the available memory."""
     if not step.demand:
         return []
-    reason = too_much(step.demand)
-    return [step.demand.text(), *([f"will be refused: {reason}"] if reason else [])]
+    reason = shortfall(step.demand)
+    return [step.demand.text(), *([f"will not run: {reason}"] if reason else [])]
 
 
 def plan_of(case: Case, step: Step, *whole: Simplification | None) -> Plan:
-    """Return the plan of one step, with the rules of the scene as a whole that were taken."""
+    """Return the plan of one step with the simplifications of the whole scene."""
     return Plan(case.name, (step,), tuple(each for each in whole if each))
 
 
@@ -133,7 +131,7 @@ def modes_step(case: Case, request: Request) -> Step:
     if not query.band_hz:
         numbers = {"near_hz": query.near_hz, "count": query.count}
     step = step_of("modes", f"modes of the {query.part}", choice, classes, _window(query), left_out, numbers)
-    return replace(step, demand=foresight.of_modes(case, choice, with_search(case, query)))
+    return replace(step, demand=resource_estimate.of_modes(case, choice, with_search(case, query)))
 
 
 def _window(query: Request) -> str:
@@ -150,7 +148,7 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
     assert patches is not None
     low, high = driven_band_hz(case, band_hz)
     choice = driven_demand.as_driven(case, model_choice_of(case, "plate", response_high_hz(case, (low, high))))
-    looks = f"{points} frequencies and more at the peak, from {khz(low)} to {khz(high)}; {patches.count} patches"
+    looks = f"{points} frequencies from {khz(low)} to {khz(high)}, more around the peak; {patches.count} patches"
     numbers = {
         "band_hz": [low, high],
         "frequencies": points,
@@ -168,12 +166,12 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
     step = step_of("response", "forced response", choice, classes, looks, (*choice.left_out, undriven), numbers, demand)
     if not apart:
         return step
-    coupled = f"the patches are no mirror image along {' and '.join(apart)}: classes are solved together"
+    coupled = f"the patches are not symmetric in {' and '.join(apart)}, so symmetry classes are solved together"
     return replace(step, why=(*step.why, coupled))
 
 
 def tolerance_step(case: Case, band_hz: tuple[float, float] | None) -> Step:
-    """Plan plates whose pillars differ: no mirror halves them, and no cell stands for another."""
+    """Plan plates whose pillars differ: they have neither mirror symmetry nor equal cells."""
     given = case.tolerance
     assert given is not None
     low, high = driven_band_hz(case, band_hz)
@@ -185,7 +183,7 @@ def tolerance_step(case: Case, band_hz: tuple[float, float] | None) -> Step:
         simplifications.mirror_images(case.design, "plate", scattered),
         simplifications.alike_cells(case.design, scattered),
     )
-    looks = f"{given.samples} plates drawn with seed {given.seed}, from {khz(low)} to {khz(high)}"
+    looks = f"{given.samples} random plates (seed {given.seed}), from {khz(low)} to {khz(high)}"
     numbers = {"band_hz": [low, high], "samples": given.samples, "seed": given.seed}
     demand = driven_demand.of_tolerance(case, choice, (low, high), given.samples * RESPONSE_POINTS)
     classes = choice.classes if mirrored[0] else (None,)
@@ -195,13 +193,13 @@ def tolerance_step(case: Case, band_hz: tuple[float, float] | None) -> Step:
 
 
 def plain_step(measure: str, name: str, model: str) -> Step:
-    """A step that needs no more words."""
+    """Return a step described by its name and model alone."""
     return Step(measure, name, model, "", (), "", ())
 
 
 def step_of(
     measure: str, name: str, choice: ModelChoice, classes: tuple[str | None, ...], looks: str,
-    left_out: tuple[Simplification | None, ...], numbers: dict[str, Any], demand: Demand | None = None,
+    left_out: tuple[Simplification | None, ...], numbers: dict[str, Any], demand: ResourceEstimate | None = None,
 ) -> Step:  # fmt: skip
     """Return a step with its model and mesh in words."""
     model, details = choice.name, dict(numbers)

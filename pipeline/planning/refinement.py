@@ -1,5 +1,7 @@
-"""One mesh level finer: more fixed-interface modes or a higher degree where the reduction's own estimate exceeds the
-accuracy; shorter elements where a lone part's modes lie higher than its mesh was meant for; and the error bars that say so.
+"""Refinement of a mesh or a reduction, and the error bars that require it.
+
+If the estimate of a reduction exceeds the accuracy, it gets more fixed-interface modes or a higher degree. If the modes of
+an isolated part lie above the frequencies its mesh was chosen for, it gets shorter elements.
 """
 
 from __future__ import annotations
@@ -14,9 +16,9 @@ from geometry.errors import MeshError
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.planning import foresight, mesh_rules
+from pipeline.planning import mesh_rules, resource_estimate
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
-from pipeline.planning.resources import Demand
+from pipeline.planning.resources import ResourceEstimate
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent
 from solvers.accuracy.calibration import TET
@@ -25,21 +27,19 @@ from solvers.errors import SolverError
 from solvers.superelement.interface import Interface, ReductionSettings
 
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
-# of the cut-off asked for: cells made for so much less serve; their own estimate tells whether well enough
+# of the required cut-off: cells made for a cut-off this much lower still serve; their own estimate checks it
 SHORT = 0.15
 MAX_REFINEMENTS = 2  # finer meshes for the accuracy, at most
-EDGE_RATE = 1.1  # 2 x 0.54, of displacements at a re-entrant right angle; edges too hopeful are taken once more
-AIM = 0.8  # of what is left to the mesh: edges for just so much would often miss by a little
-SHORTER = (0.5, 0.9)  # least and largest factor on the edges of tetrahedra at once
-TRIALS = 12  # of shorter elements, until there are more of them
-STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
+EDGE_RATE = 1.1  # 2 x 0.54, of displacements at a re-entrant right angle; edges that prove too long are shortened again
+AIM = 0.8  # of the error allowed to the mesh: aiming at all of it would often just miss
+SHORTER = (0.5, 0.9)  # least and largest factor on the edges of tetrahedra in one step
+TRIALS = 12  # attempts at shorter elements, until their number rises
+STEP = (1.08, 2.0)  # least and largest factor on top_hz in one step
 Built = TypeVar("Built")
 
 
 def more_modes(reduction: ReductionSettings, error: float, target: float, most: float = inf) -> ReductionSettings:
-    """Raise the cut-off of the fixed-interface modes until their error is expected as allowed, at most by the factor
-    `most`.
-    """
+    """Raise the cut-off of the fixed-interface modes, by at most `most`, until their expected error meets the target."""
     factor = (error / target) ** (1.0 / RATE)
     return replace(reduction, top_hz=reduction.top_hz * min(max(factor, STEP[0]), STEP[1], most))
 
@@ -51,14 +51,14 @@ def higher_degree(reduction: ReductionSettings) -> ReductionSettings:
 
 
 def higher_through(reduction: ReductionSettings) -> ReductionSettings:
-    """Raise the degree of the boundary functions through the thickness by one, with nodes enough for it."""
+    """Raise the degree of the boundary functions through the thickness by one, and the nodes that it needs."""
     face = reduction.interface
     finer = replace(reduction, interface=Interface(face.along, face.through + 1), further=mesh_rules.FURTHER)
     return replace(finer, hexahedra=mesh_rules.with_nodes_for(finer.ample, finer.hexahedra))
 
 
 def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> str:
-    """Describe in words what finer reduction settings change."""
+    """Describe the differences between two reduction settings in words."""
     words = []
     if finer.top_hz != reduction.top_hz:
         top, before = (frequency(each) for each in (finer.top_hz, reduction.top_hz))
@@ -73,8 +73,10 @@ def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> s
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Relative errors of a plate of reduced cells: the largest overestimate by truncation of any mode; of the target mode that
-    by modes, by degrees along the sides and by those through the thickness left out.
+    """Relative truncation errors of a plate of reduced cells.
+
+    worst: largest overestimate of any mode; modes, degrees, through: overestimates of the target mode due to discarded
+    modes, degrees along the sides and degrees through the thickness.
     """
 
     worst: float
@@ -84,14 +86,14 @@ class ErrorEstimate:
 
     @property
     def total(self) -> float:
-        """By all truncations."""
+        """Sum of the truncation errors of the target mode."""
         return self.modes + self.degrees + self.through
 
 
 def refine_reduction(
     choice: ModelChoice, estimate: ErrorEstimate, case: Case, log: Log, what: str = "the target mode"
 ) -> ModelChoice | None:
-    """Refine the reduction where its estimates for `what` exceed the accuracy; None where they do not."""
+    """Refine the reduction if its estimates for `what` exceed the accuracy; None if they do not."""
     total, accuracy = MARGIN * estimate.total, case.solve.accuracy
     if choice.reduction is None or total <= accuracy:
         return None
@@ -101,7 +103,7 @@ def refine_reduction(
         finer = higher_through(finer) if is_thick else higher_degree(finer)
     finer = more_modes(finer, estimate.modes, share) if estimate.modes > share else finer
     log.info(
-        f"the reduction may put {what} {percent(total)} too high, {percent(accuracy)} allowed: "
+        f"truncation error of {what}: up to {percent(total)}, {percent(accuracy)} allowed; refining: "
         f"{describe_change(choice.reduction, finer)}"
     )
     return replace(choice, reduction=finer, hexahedra=choice.hexahedra and finer.hexahedra)
@@ -111,19 +113,19 @@ def on_finer_meshes(
     first: tuple[ModelChoice, Built],
     bar: Callable[[Built], tuple[float | None, float]],
     build: Callable[[ModelChoice], Built],
-    demand: Callable[[ModelChoice], Demand],
+    demand: Callable[[ModelChoice], ResourceEstimate],
     case: Case,
     log: Log,
 ) -> tuple[ModelChoice, Built]:
-    """A model choice and what was built of it, or those of the first finer mesh that meets the accuracy.
+    """Refine the mesh of a choice until it meets the accuracy; returns the choice and the model built from it.
 
-    bar: half-widths by the mesh and by truncation; MAX_REFINEMENTS meshes at most, as far as memory holds them and they can
-    be solved: what was built before stays.
+    bar: relative discretisation and truncation errors of a built model. There are at most MAX_REFINEMENTS finer meshes. The
+    last model is kept if the next does not fit into memory or cannot be solved.
     """
 
     def next_choice(choice: ModelChoice, built: Built, _: int) -> ModelChoice | None:
         finer = finer_mesh(choice, *bar(built), case, log)
-        return finer if finer and foresight.fits(demand(finer), log) else None
+        return finer if finer and resource_estimate.fits(demand(finer), log) else None
 
     return step_by_step(first, next_choice, build, MAX_REFINEMENTS, log)
 
@@ -135,8 +137,9 @@ def step_by_step(
     most: int,
     log: Log,
 ) -> tuple[ModelChoice, Built]:
-    """Take finer choices one after another, so many at most, until there is none or one cannot be built; what was built before
-    stays. next_choice: told what was built last, and how many steps were taken.
+    """Take at most `most` finer choices in turn, until there is none or one cannot be built; the last model built is kept.
+
+    next_choice: called with the last choice, its model and the number of steps so far.
     """
     choice, built = first
     for taken in range(most):
@@ -151,9 +154,10 @@ def step_by_step(
 
 
 def finer_mesh(choice: ModelChoice, error: float | None, truncated: float, case: Case, log: Log) -> ModelChoice | None:
-    """Take the next mesh of a part whose bar by the mesh, and by truncation beside it, exceeds the accuracy: the next mesh
-    level of hexahedra, shorter edges of tetrahedra; None where it does not, where truncation is most of it, where nothing
-    tells it, and after the finest.
+    """Choose a finer mesh for a part whose discretisation and truncation errors together exceed the accuracy.
+
+    Hexahedra take the next mesh level, tetrahedra shorter edges. None if the errors meet the accuracy, if truncation is the
+    larger or the discretisation error unknown, and after the finest level.
     """
     accuracy = case.solve.accuracy
     if error is None or error < truncated or error + truncated <= accuracy:
@@ -161,52 +165,56 @@ def finer_mesh(choice: ModelChoice, error: float | None, truncated: float, case:
     edges, left = choice.edge_m is not None, max(accuracy - truncated, accuracy / 4.0)
     finer = _shorter_edges(choice, error, left) if edges else _finer_boxes(choice, case, error, left)
     if finer:
-        by = "its stresses" if edges else "coarser meshes"
-        log.info(f"within {percent(error)} by the mesh, as {by} tell, {percent(accuracy)} allowed: {finer.mesh}")
+        source = "stress recovery" if edges else "coarser meshes"
+        log.info(
+            f"discretisation error: {percent(error)} (from {source}), {percent(accuracy)} allowed; refining: {finer.mesh}"
+        )
     return finer
 
 
 def _shorter_edges(choice: ModelChoice, error: float, target: float) -> ModelChoice:
-    """Tetrahedra with edges as short as an error asks for that goes as their length to EDGE_RATE."""
+    """Shorten the edges of tetrahedra for a target error that goes as their length to the power EDGE_RATE."""
     assert choice.edge_m
     factor = min(max((AIM * target / error) ** (1.0 / EDGE_RATE), SHORTER[0]), SHORTER[1])
     return replace(choice, edge_m=factor * choice.edge_m)
 
 
 def _next_level(choice: ModelChoice, case: Case) -> ModelChoice | None:
-    """The next mesh level of a part of hexahedra that has more of them; None after the finest."""
+    """Next mesh level that has more hexahedra; None after the finest."""
     finer = _on_next_level(choice, case.design)
     if finer is None:
         return None
     of_cells = finer.reduction is not None or finer.part == "cell"
-    own, more = (  # sizes round to whole elements, and a foot on either face asks for two through the plate
-        foresight.cell_dofs(case.design, each) if of_cells else foresight.whole_mesh(case, each).dofs
+    own, more = (  # sizes round to whole elements, and a foot on either face needs two through the plate
+        resource_estimate.cell_dofs(case.design, each) if of_cells else resource_estimate.whole_mesh(case, each).dofs
         for each in (choice, finer)
     )
     return finer if more > own else _next_level(finer, case)
 
 
 def _finer_boxes(choice: ModelChoice, case: Case, error: float, target: float) -> ModelChoice | None:
-    """The next mesh level of hexahedra; shorter elements of a plate meshed whole after the finest one, or without feet, whose
-    rims the levels are about.
+    """Next mesh level of hexahedra; for a plate meshed whole, shorter elements after the finest level.
+
+    A plate without feet has no singular edges, which the levels address, and goes straight to shorter elements.
     """
     is_bare = choice.part == "plate" and choice.reduction is None and case.design.pillar is None
     return (None if is_bare else _next_level(choice, case)) or _shorter(choice, case, error, target)
 
 
 def _shorter(choice: ModelChoice, case: Case, error: float, target: float) -> ModelChoice | None:
-    """A plate meshed whole, beyond the finest level: elements as short as an error asks for that goes as their length to twice
-    their order, or another layer at the rims of feet; None for other parts.
+    """Refine a plate meshed whole beyond the finest level; None for other parts.
+
+    Elements shrink for a target error that goes as their length to twice their order, or feet get another graded layer.
     """
     level, design = choice.mesh_level, case.design
     if choice.part != "plate" or choice.reduction is not None or level is None:
         return None
-    factor, own = (AIM * target / error) ** (0.5 / level.order), foresight.whole_mesh(case, choice).dofs
+    factor, own = (AIM * target / error) ** (0.5 / level.order), resource_estimate.whole_mesh(case, choice).dofs
     factor = SHORTER[1] if design.pillar else min(max(factor, SHORTER[0]), SHORTER[1])
     for _ in range(TRIALS):  # sizes round to whole elements
         level = replace(level, share=factor * level.share, layers=level.layers + bool(design.pillar))
         finer = replace(choice, hexahedra=mesh_rules.cell_mesh(design, level), mesh_level=level)
-        if foresight.whole_mesh(case, finer).dofs > own:
+        if resource_estimate.whole_mesh(case, finer).dofs > own:
             return finer
     return None
 
@@ -232,65 +240,64 @@ def _on_next_level(choice: ModelChoice, design: Design) -> ModelChoice | None:
 
 
 def refine_mesh(choice: ModelChoice, highest_hz: float, case: Case, log: Log) -> ModelChoice | None:
-    """Refine a lone part's mesh for the highest mode computed, where its elements are expected to miss the accuracy;
-    else None.
-    """
+    """Refine the mesh of an isolated part whose elements are expected to miss the accuracy at the highest mode; else None."""
     if choice.part == "plate" or choice.mesh_level is None or highest_hz <= choice.good_to_hz:
         return None
     error = mesh_rules.expected_error(choice.part, choice.mesh_level, highest_hz / choice.good_to_hz)
     if error is None or error <= case.solve.accuracy:
         return None
     log.info(
-        f"modes up to {khz(highest_hz)}: expected error {percent(error)} on elements for {khz(choice.good_to_hz)}: finer ones"
+        f"discretisation error of modes up to {khz(highest_hz)}: {percent(error)} (from the calibration; elements chosen for "
+        f"{khz(choice.good_to_hz)}); refining"
     )
     return model_choice_of(case, choice.part, highest_hz)
 
 
 def raise_cutoff(choice: ModelChoice, highest_hz: float, case: Case, log: Log) -> ModelChoice | None:
-    """Raise a plate's cut-off for the highest mode computed, where it was made for lower ones; else None."""
+    """Raise the cut-off of a plate whose reduction was chosen for lower modes than the highest computed; else None."""
     top_hz = mesh_rules.cutoff_to_hz(case.design, case.solve.accuracy, highest_hz)
     if choice.reduction is None or choice.reduction.top_hz >= top_hz * (1.0 - SHORT):
         return None
     made_for = highest_hz * choice.reduction.top_hz / top_hz
-    log.info(f"modes up to {khz(round(highest_hz))}: cells reduced for {khz(round(made_for))}, reduced again")
+    log.info(f"highest mode: {khz(round(highest_hz))}; reducing the cells again, so far for {khz(round(made_for))}")
     return replace(choice, reduction=replace(choice.reduction, top_hz=top_hz))
 
 
 @contextmanager
 def refused(log: Log) -> Iterator[None]:
-    """Log that finer reduction settings or a finer mesh cannot be had; what was computed before stays."""
+    """Log that a finer reduction or mesh could not be solved; the previous result is kept."""
     try:
         yield
     except (MeshError, SolverError) as fault:
-        log.info(f"no mesh level higher: {fault}")
+        log.info(f"refinement stopped: {fault}")
 
 
 def warn(error: float, case: Case, log: Log) -> None:
-    """Warn where the target mode's estimate still exceeds the accuracy."""
+    """Warn if the estimate of the target mode still exceeds the accuracy."""
     if MARGIN * error > case.solve.accuracy:
         log.warning(
             "REDUCTION",
-            f"the reduction may put the target mode {percent(MARGIN * error)} too high, solve.accuracy asks for "
-            f"{percent(case.solve.accuracy)}: narrow the band, raise solve.accuracy, or take solve.model = 'solid'",
+            f"truncation may overestimate the target mode by {percent(MARGIN * error)}, more than solve.accuracy = "
+            f"{case.solve.accuracy:g}: narrow the band, raise solve.accuracy, or set solve.model = 'solid'",
         )
 
 
 # -- error bars --------------------------------------------------------------------------------------------------------
-# The error that the mesh of a model choice is expected to make, said in the log and kept with the result.
+# The estimated discretisation error of a model choice, logged and stored with the result.
 
 
 @dataclass(frozen=True)
 class WidestBar:
-    """The widest error bar of the frequencies asked for.
+    """Largest error bar of the requested frequencies.
 
     Attributes
     ----------
     error : float or None
-        Relative half-width; None where the bar of one of them is unknown.
+        Relative error; None if the error of any of them is unknown.
     of : str
-        The frequency that has it, in words.
+        Name of the frequency that has it.
     parts : dict of str to float
-        What the bar is made of, relative: `mesh`, `truncation`.
+        Contributions, relative: `mesh`, `truncation`.
     """
 
     error: float | None
@@ -303,36 +310,36 @@ class WidestBar:
         return max(self.parts, key=lambda name: (self.parts or {})[name]) if self.parts else None
 
     def text(self) -> str:
-        """Return the bar, what it is of and its largest part in words."""
+        """Return the error, the frequency that has it and its parts as a log line."""
         if self.error is None:
-            return "error of a frequency: unknown for at least one of them; compare with a finer solve.accuracy"
+            return "error of any frequency: unknown for at least one of them; compare with a finer solve.accuracy"
         parts = sorted((self.parts or {}).items(), key=lambda part: -part[1])
         shares = ", ".join(f"{percent(error)} {name}" for name, error in parts if error > 0.0)
-        return f"error of a frequency: {percent(self.error)} at most ({self.of})" + (f": {shares}" if shares else "")
+        return f"error of any frequency: at most {percent(self.error)} ({self.of}" + (f": {shares})" if shares else ")")
 
     def warn(self, case: Case, log: Log) -> None:
-        """Warn where the bar exceeds the accuracy that the case asks for."""
+        """Warn if the error exceeds the accuracy requested by the case."""
         if self.error is not None and self.error > case.solve.accuracy:
             log.warning(
                 "ACCURACY",
-                f"the error bar of {self.of} is {percent(self.error)}, most of it {self.largest_part}; "
-                f"solve.accuracy asks for {percent(case.solve.accuracy)}",
+                f"the error bar of {self.of} is {percent(self.error)}, mostly {self.largest_part}; "
+                f"solve.accuracy requests {percent(case.solve.accuracy)}",
             )
 
     def to_dict(self) -> dict[str, Any]:
-        """As results keep it."""
+        """Return the error as plain JSON."""
         return {"error": self.error, "of": self.of, "parts": dict(self.parts or {}), "largest_part": self.largest_part}
 
 
 def log_mesh_error(choice: ModelChoice, case: Case, log: Log, error: float | None) -> float | None:
-    """Log the largest half-width of the frequencies' bars by the mesh, and where the case asks for less; returns it.
+    """Log the largest discretisation error of any frequency, and whether it exceeds the accuracy; returns it.
 
-    None where nothing tells it.
+    None if there is no estimate.
     """
     if error is None:
-        log.info(f"nothing tells the error of {choice.name} of the {choice.part}: compare with a finer solve.accuracy")
+        log.info(f"no error estimate for {choice.name} of the {choice.part}: compare with a finer solve.accuracy")
         return None
-    by = "its stresses" if choice.kind == TET else "coarser meshes"
-    short = f"; solve.accuracy asks for {percent(case.solve.accuracy)}" if error > case.solve.accuracy else ""
-    log.info(f"error of a frequency by the mesh {percent(error)} or less, as {by} tell{short}")
+    source = "stress recovery" if choice.kind == TET else "coarser meshes"
+    short = f"; solve.accuracy requests {percent(case.solve.accuracy)}" if error > case.solve.accuracy else ""
+    log.info(f"discretisation error of any frequency: at most {percent(error)} (estimated from {source}){short}")
     return error

@@ -1,6 +1,6 @@
-"""What a scene does not need, as named rules: what is left out and why, or None where that would change the answer.
+"""Simplifications: named rules that skip work and give a reason, or return None if that would change the result.
 
-The functions that mesh and solve ask these rules; a plan lists what they said.
+The functions that mesh and solve call these rules; a plan lists their results.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ WHY_BOXES = {
 
 @dataclass(frozen=True)
 class Simplification:
-    """The rule that was taken, what it leaves out, and why that is allowed."""
+    """Rule that applies, the work it leaves out, and the reason why the result stays the same."""
 
     rule: str
     what: str
     why: str
 
     def log(self, log: Log) -> None:
-        """Say it to a log."""
+        """Write it to a log."""
         log.left_out(self.what, self.why)
 
 
 def log_all(simplifications: Collection[Simplification | None], log: Log) -> None:
-    """Log the simplifications that were taken."""
+    """Log the simplifications that apply."""
     for simplification in simplifications:
         if simplification:
             simplification.log(log)
@@ -79,7 +79,7 @@ def hexahedra(case: Case, part: str) -> Simplification | None:
     joined = part in ("cell", "plate") and case.solve.model != "solid"
     if joined and all(pillar.takes_hexahedra for pillar in design.kinds) and _has_room(design, part):
         return Simplification(
-            "curved", "CAD and tetrahedra", "hexahedra follow the pillars and the plate about their feet"
+            "curved", "CAD and tetrahedra", "hexahedra follow the pillars and the plate around their feet"
         )
     return None
 
@@ -112,19 +112,17 @@ def alike_cells(design: Design, scattered: bool = False) -> Simplification | Non
     """Reduce equal cells once; not where every pillar differs."""
     if scattered or not (design.rows and design.pillar):
         return None
-    return Simplification(
-        "alike_cells", "reductions of equal cells", "cells alike are reduced once and kept in the cache"
-    )
+    return Simplification("alike_cells", "repeated reductions", "equal cells are reduced once and cached")
 
 
-# -- what is asked -----------------------------------------------------------------------------------------------------
+# -- the request -------------------------------------------------------------------------------------------------------
 
 
 def other_classes(known: Collection[str | None], query: str | None) -> Simplification | None:
-    """Leave out symmetry classes that were not asked for."""
+    """Leave out symmetry classes that were not requested."""
     if query is None or query not in known or len(known) < 2:
         return None
-    return Simplification("other_classes", f"symmetry classes other than {query}", "not asked for")
+    return Simplification("other_classes", f"symmetry classes other than {query}", "not requested")
 
 
 def other_frequencies(band_hz: tuple[float, float] | None, near_hz: float | None, count: int | None) -> Simplification:
@@ -133,49 +131,49 @@ def other_frequencies(band_hz: tuple[float, float] | None, near_hz: float | None
         what = f"modes below {khz(band_hz[0])} and above {khz(band_hz[1])}"
     else:
         what = f"modes beyond the {count} " + (f"nearest {khz(near_hz)}" if near_hz else "lowest")
-    return Simplification("other_frequencies", what, "not asked for; the count by inertia proves the window complete")
+    return Simplification("other_frequencies", what, "not requested; an inertia count proves the window complete")
 
 
 def no_patches(patches: Patches | None, driven: bool = False) -> Simplification | None:
-    """Leave out piezo patches where the case has none or no measure drives them."""
+    """Leave out piezo patches if the case has none or no measure drives them."""
     if patches is None:
         return Simplification(
             "no_patches", "piezo patches and their electrical degrees of freedom", "the case has none"
         )
     if not driven:
-        why = "they act in the response; these modes are those of the plate without them"
+        why = "they act in the response only; these modes are those of the bare plate"
         return Simplification("no_patches", "piezo patches", why)
     return None
 
 
 def no_response() -> Simplification:
     """Leave out damping, which only a forced response has."""
-    return Simplification("no_response", "damping", "no response is asked")
+    return Simplification("no_response", "damping", "no response is requested")
 
 
 def no_plate_modes() -> Simplification:
     """Leave out the finite plate's modes."""
-    return Simplification("no_plate_modes", "modes of the plate", "no measure asks for them")
+    return Simplification("no_plate_modes", "modes of the plate", "no measure needs them")
 
 
 def no_lone_pillar(design: Design) -> Simplification | None:
-    """Leave out the lone pillar where there is none, or none that stands for all."""
+    """Leave out the isolated pillar if there is none, or if the pillars differ between rows."""
     if design.pillar is None:
         return Simplification("no_lone_pillar", "modes of the pillar", "the case has no pillar")
     if design.is_graded:
-        return Simplification("no_lone_pillar", "modes of the pillar", "rows differ: no pillar stands for all of them")
+        return Simplification("no_lone_pillar", "modes of the pillar", "the rows differ: no pillar represents them all")
     return None
 
 
 def no_figures(drawn: bool = False) -> Simplification | None:
-    """Leave out rendering: figures are drawn from what is stored, for a page or for --out."""
-    return None if drawn else Simplification("no_figures", "rendering", "nothing is drawn until a page asks for it")
+    """Leave out rendering: figures are drawn from stored results, for a page or for --out."""
+    return None if drawn else Simplification("no_figures", "rendering", "figures are drawn when a page needs them")
 
 
 def no_lattice(design: Design, measure: str) -> Simplification | None:
-    """Leave out bands without a pitch, attenuation without a pitch or pillars, and both where rows differ."""
+    """Leave out bands without a pitch, attenuation without a pitch or pillars, and both if the rows differ."""
     if design.is_graded:
-        return Simplification("no_lattice", measure, "rows differ: no unit cell stands for all of them")
+        return Simplification("no_lattice", measure, "the rows differ: no unit cell represents them all")
     no_pitch = design.pitch_x_m != design.pitch_x_m
     if measure == "bands" and no_pitch:
         return Simplification("no_lattice", "bands", "the case has no pitch")
@@ -188,12 +186,12 @@ def no_lattice(design: Design, measure: str) -> Simplification | None:
 
 
 def patch_mirrors(patches: Patches) -> tuple[bool, bool]:
-    """Along x and y: whether the set of patches is its own mirror image there, so that classes stay apart."""
+    """Whether the patches are symmetric in x and in y, so that symmetry classes stay separate."""
     return mirrored_axes(patches.boxes_m())
 
 
 def patch_groups(patches: Patches) -> list[tuple[str, ...]]:
-    """Symmetry classes that have to be solved together: an axis along which the patches are no mirror image couples two."""
+    """Groups of symmetry classes to solve together: each axis in which the patches are asymmetric couples two."""
     kept = patch_mirrors(patches)
     groups: dict[tuple[str, ...], list[str]] = {}
     for symmetry in CLASSES:
@@ -202,9 +200,7 @@ def patch_groups(patches: Patches) -> list[tuple[str, ...]]:
 
 
 def undriven_classes(patches: Patches) -> Simplification | None:
-    """Leave out classes antisymmetric along an axis on whose plane every patch is centred: no patch drives or senses
-    them.
-    """
+    """Leave out classes antisymmetric in an axis on which every patch is centred: no patch drives or senses them."""
     classes = undriven(patches)
     if not classes:
         return None
@@ -212,17 +208,16 @@ def undriven_classes(patches: Patches) -> Simplification | None:
 
 
 def undriven(patches: Patches) -> list[str]:
-    """The classes that `undriven_classes` leaves out."""
+    """Classes that `undriven_classes` leaves out."""
     centred = [max(abs(centre[axis]) for centre in patches.centres_m) < SAME_M for axis in (0, 1)]
     return [each for each in CLASSES if any(centred[axis] and each[axis] == "A" for axis in (0, 1))]
 
 
 def off_path(design: Design, path: str, grid: int = 0) -> Simplification | None:
-    """Leave out wavevectors off a path along the whole border of the irreducible Brillouin zone, where band edges lie
-    but for rare cases.
+    """Leave out wavevectors off a path along the whole border of the irreducible Brillouin zone.
 
-    A cell without mirrors of the axes has no such border. Not taken for an oblique path, for one that misses a side, or when a
-    grid is asked for.
+    With rare exceptions, band edges lie on this border. The rule does not apply to a cell without mirror planes, to an
+    oblique path, to one that misses a side, or if a grid is requested.
     """
     border = design.lattice.border(design.cell_mirrors)
     walked, sides = ({frozenset(pair) for pair in pairwise(labels_of(each))} for each in (path, border))
@@ -232,14 +227,12 @@ def off_path(design: Design, path: str, grid: int = 0) -> Simplification | None:
 
 
 def waves_downwards(design: Design) -> Simplification | None:
-    """Leave out waves towards -y: they are mirror images of those towards +y where a row is its own mirror image."""
+    """Leave out waves towards -y: for a symmetric row they are mirror images of those towards +y."""
     if "y" not in design.cell_mirrors:
         return None
-    return Simplification(
-        "waves_downwards", "waves towards -y", "a row is its own mirror image: they come in pairs k, -k"
-    )
+    return Simplification("waves_downwards", "waves towards -y", "the rows are symmetric: waves come in pairs k, -k")
 
 
 def khz(frequency_hz: float) -> str:
-    """A frequency in kHz."""
+    """Write a frequency in kHz."""
     return f"{frequency_hz / 1e3:g} kHz"

@@ -19,9 +19,9 @@ from pipeline.questions.late import (
     ReportFigure,
     Simplification,
     confinement,
-    foresight,
     np,
     plans,
+    resource_estimate,
     simplifications,
     style,
 )
@@ -253,7 +253,7 @@ class Attenuation(
         looks = f"{self.points} frequencies from {span} at kx = {figure(kx)} rad/m"
         numbers = {"band_hz": [low, high], "frequencies": self.points, "kx_per_m": kx}
         left_out = (*choice.left_out, simplifications.waves_downwards(case.design))
-        demand = foresight.of_attenuation(case, choice, self.points) if choice.reduction else None
+        demand = resource_estimate.of_attenuation(case, choice, self.points) if choice.reduction else None
         step = plans.step_of(self.name, "attenuation across the rows", choice, (), looks, left_out, numbers, demand)
         return plan_of_cell(case, step)
 

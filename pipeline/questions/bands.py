@@ -14,10 +14,10 @@ from pipeline.questions.late import (
     FloatArray,
     Plan,
     Simplification,
-    foresight,
     np,
     outputs,
     plans,
+    resource_estimate,
     simplifications,
     style,
 )
@@ -385,7 +385,7 @@ class Bands(Question[BandsResult], needs=("plate", "array.pitch_mm"), pictures=(
             looks += f", {numbers['solved_wavevectors']} solved to follow branches" if factor > 1 else ""
         looks += f" and a grid of {query.grid} intervals" if query.grid else ""
         left_out = (*choice.left_out, simplifications.off_path(case.design, query.path, query.grid))
-        demand = foresight.of_bands(case, choice, numbers.get("solved_wavevectors", wavevectors))
+        demand = resource_estimate.of_bands(case, choice, numbers.get("solved_wavevectors", wavevectors))
         step = plans.step_of(self.name, "bands of the unit cell", choice, (), looks, left_out, numbers, demand)
         return plan_of_cell(case, step)
 

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
 
     from geometry.elements import ComplexArray, FloatArray
     from pipeline.case.model import Case
-    from pipeline.planning import foresight, simplifications
     from pipeline.planning import plan as plans
+    from pipeline.planning import resource_estimate, simplifications
     from pipeline.planning.plan import Plan
     from pipeline.planning.simplifications import Simplification
     from pipeline.plots import fields, style
@@ -32,9 +32,9 @@ else:
 
     np, confinement, outputs = map(_Late, ("numpy", "solvers.measures.confinement", "pipeline.records.outputs"))
     fields, style = map(_Late, ("pipeline.plots.fields", "pipeline.plots.style"))
-    foresight, plans = map(_Late, ("pipeline.planning.foresight", "pipeline.planning.plan"))
+    resource_estimate, plans = map(_Late, ("pipeline.planning.resource_estimate", "pipeline.planning.plan"))
     simplifications = _Late("pipeline.planning.simplifications")
     Axes = Case = ComplexArray = FloatArray = Plan = ReportFigure = Simplification = Any
 
 __all__ = ["Axes", "Case", "ComplexArray", "FloatArray", "Plan", "ReportFigure", "Simplification", "confinement"]
-__all__ += ["fields", "foresight", "np", "outputs", "plans", "simplifications", "style"]
+__all__ += ["fields", "np", "outputs", "plans", "resource_estimate", "simplifications", "style"]

@@ -32,7 +32,7 @@ from typing import (
 
 from pipeline.errors import InputError
 from pipeline.quantity import KHZ
-from pipeline.questions.late import Case, Plan, Simplification, foresight, plans
+from pipeline.questions.late import Case, Plan, Simplification, plans, resource_estimate
 from pipeline.questions.result import Origin, Result
 from pipeline.records.part import ABOUT, Axis, plain
 
@@ -358,7 +358,7 @@ def announce(plan: Plan, run: Run) -> None:
         for each in step.left_out:
             run.left_out(each.what, each.why)
     for name, demand in plan.demands.items():
-        foresight.announce(name, demand, run)
+        resource_estimate.log_estimate(name, demand, run)
 
 
 _hints: Any = cache(get_type_hints)

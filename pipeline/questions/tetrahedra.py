@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from pipeline.models.answer_parts import CountRecord
 from pipeline.questions.bands import Bands, BandsResult
-from pipeline.questions.late import Case, Plan, Simplification, foresight, plans
+from pipeline.questions.late import Case, Plan, Simplification, plans, resource_estimate
 from pipeline.questions.question import Question, Run, Unanswered, ask
 from pipeline.questions.result import Result
 from pipeline.records.part import column
@@ -47,7 +47,7 @@ class TetModes(
         from pipeline.planning.mesh_rules import NEAR_COUNT, PLATE_ACCURACY
 
         name, mesh = "the same plate and cell by tetrahedra", "tetrahedra of order 2 from CAD"
-        demand = foresight.of_meshed_whole(case, max(PLATE_ACCURACY, case.solve.accuracy), NEAR_COUNT)
+        demand = resource_estimate.of_meshed_whole(case, max(PLATE_ACCURACY, case.solve.accuracy), NEAR_COUNT)
         why = ("a cross-check by another mesh",)
         return plans.plan_of(
             case,

@@ -1,4 +1,4 @@
-"""One design evaluated by one model, from a strip in milliseconds to the assembled plate, and kept on disk."""
+"""Evaluation of one design by one model, from a strip in milliseconds to the assembled plate, with a disk cache."""
 
 from __future__ import annotations
 
@@ -39,38 +39,38 @@ MODELS = {
     PLATE: "plate assembled from reduced cells",
     SOLID: "the whole plate as one solid mesh",
 }
-SLACK = {STRIP: 0.1, COLUMN: 0.02, PLATE: 0.0, SOLID: 0.0}  # how far a fidelity's frequency may be off at least
-# a column leaves out the free ends, which shift the N - 1/2 half waves of a zone: of a frequency so much over those, of a level
-# all of it over those, and dB besides. `python -m studies.live plates` holds them against assembled plates
+SLACK = {STRIP: 0.1, COLUMN: 0.02, PLATE: 0.0, SOLID: 0.0}  # least relative error of each model's frequency
+# a column omits the free ends, which shift the N - 1/2 half-waves of a zone: the relative frequency error is ENDS over this
+# number, the level error the level over it plus LEVEL_DB. `python -m studies.live plates` checks both with assembled plates
 ENDS, LEVEL_DB = 0.26, 1.0
-COLUMN_ACCURACY = 0.01  # a coarser mesh than this ranks designs no faster
-AROUND = 0.07  # of the column's frequency: where the plate's target mode is looked for
-SOLID_ACCURACY = 0.04  # a finer whole plate does not fit into the memory of a desktop
-NEAREST = 30  # modes of the solid about it
-PEAKS = 2  # frequencies over a band of zones: their peaks are found without
-BAND_POINTS = 101  # frequencies over the target mode's window that tell a band's ends
-GRID_HZ = 2500.0  # windows begin and end on it, so that neighbours in the search share their bare cells
+COLUMN_ACCURACY = 0.01  # a coarser mesh ranks designs no faster
+AROUND = 0.07  # of the column's frequency: half-width of the search window for the plate's target mode
+SOLID_ACCURACY = 0.04  # a finer whole plate does not fit into the memory of a desktop computer
+NEAREST = 30  # modes of the solid around this frequency
+PEAKS = 2  # frequencies over a band of several zones: peaks are found without them
+BAND_POINTS = 101  # frequencies over the target mode's window that locate the ends of a band
+GRID_HZ = 2500.0  # windows begin and end on this grid, so that neighbours in the search share their bare cells
 
 
 def frequency_slack(fidelity: str, nodal_lines: int) -> float:
-    """How far a fidelity's target frequency may lie from the plate's, relative, with so many nodal lines along the zone."""
+    """Relative error of a model's target frequency compared with the plate's, for the nodal lines along the zone."""
     return max(SLACK[fidelity], ENDS / _half_waves(nodal_lines)) if fidelity in (STRIP, COLUMN) else SLACK[fidelity]
 
 
 def column_level_error_db(level_db: float | None, nodal_lines: int) -> float | None:
-    """How far a column's confinement (dB) may lie from the plate's, dB; None where it has none."""
+    """Error of a column's confinement compared with the plate's, dB; None if it has none."""
     return None if level_db is None else LEVEL_DB + abs(level_db) / _half_waves(nodal_lines)
 
 
 def _half_waves(nodal_lines: int) -> float:
-    """Half waves along the zone; rigid shapes count as the shortest one that bends."""
+    """Number of half-waves along the zone; rigid shapes count as the longest shape that bends."""
     return max(nodal_lines, 2) - 0.5
 
 
 def worst(case: Case, height_m: float, evaluated: Callable[[Case], FidelityResult]) -> FidelityResult:
-    """A design's result, and as worst_db its least confinement with all pillars as designed, too low and too high alike.
+    """Evaluate a design; worst_db is its least confinement with all pillars as designed, too low or too high.
 
-    None where one of the three has no target mode.
+    worst_db is None if one of the three plates has no target mode.
     """
     results = [evaluated(_taller(case, change)) for change in (0.0, -height_m, height_m)]
     levels = [each.confinement_db for each in results if each.confinement_db is not None]
@@ -82,13 +82,13 @@ def worst(case: Case, height_m: float, evaluated: Callable[[Case], FidelityResul
 
 
 def _error_of_least(values: list[float], errors: list[float]) -> float:
-    """Half-width of the error bar of the least value: where it may lie with every value anywhere within its own bar."""
+    """Error of the least of some values, each of which varies within its own error."""
     low, high = (min(value + sign * error for value, error in zip(values, errors, strict=True)) for sign in (-1, 1))
     return max(min(values) - low, high - min(values))
 
 
 def _taller(case: Case, change_m: float) -> Case:
-    """The case with every pillar's height changed by as much."""
+    """Change the height of every pillar by the same amount."""
     if not change_m:
         return case
     design = case.design
@@ -99,7 +99,7 @@ def _taller(case: Case, change_m: float) -> Case:
 
 
 def by_strip(case: Case, softness: float) -> FidelityResult:
-    """Estimate the target mode by a strip whose pillars' feet have `softness` times a half-space's compliance."""
+    """Estimate the target mode from a strip whose pillars' feet have `softness` times the compliance of a half-space."""
     design = case.design
     try:
         solved = strip_modes(design.one_zone, *mesh_rules.target_window_hz(design), softness)
@@ -114,9 +114,9 @@ def by_strip(case: Case, softness: float) -> FidelityResult:
 def evaluate(
     case: Case, fidelity: str, near_hz: float | None = None, cache: EvaluationCache | None = None, banded: bool = False
 ) -> FidelityResult:
-    """Compute the target mode at a fidelity, near a frequency where one is known, or take it from the cache.
+    """Compute the target mode with one model, near a frequency if one is known, or load it from the cache.
 
-    banded: with the band about it in which the rows take 10 dB or more from a wave, 0 where it lies in none.
+    banded: adds the width of the band around it in which the rows attenuate a wave by 10 dB or more, 0 if there is none.
     """
     question: dict[str, Any] = {"case": case.to_dict(), "fidelity": fidelity, "near_hz": near_hz}
     if banded:
@@ -133,7 +133,7 @@ def evaluate(
 
 
 def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
-    """Width of the band about a frequency in which the rows take 10 dB or more from a flexural wave, kHz."""
+    """Width of the band around a frequency in which the rows attenuate a flexural wave by 10 dB or more, kHz."""
     accuracy = max(COLUMN_ACCURACY, case.solve.accuracy) if fidelity == COLUMN else case.solve.accuracy
     window = mesh_rules.target_window_hz(case.design)
     broad = broadband(case, WarningLog(), window, BAND_POINTS, accuracy, with_bars=False)
@@ -141,7 +141,7 @@ def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
 
 
 def kept_cell(case: Case) -> Any:
-    """The parametric cell where an explorer has made it."""
+    """Return the parametric cell that an explorer has cached, or None."""
     return parametric.kept_cell(case) if case.design.zones == 1 else None
 
 
@@ -178,7 +178,7 @@ def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResu
 
 
 def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> FidelityResult:
-    """What zones driven in turn about the frequency of one that is alone make of its result."""
+    """Extend the result of a single zone by those of several zones driven in turn around its frequency."""
     return replace(
         alone,
         frequency_hz=float(driven.peak_hz.min()),
@@ -191,7 +191,7 @@ def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> Fid
 
 
 def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
-    """Drive every zone of the assembled plate about a frequency; without one, in the case's own window."""
+    """Drive every zone of the assembled plate around a frequency, or in the case's own window."""
     log = WarningLog()
     band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
     zones = forced.solve(case, log, band_hz, PEAKS, [])["zones"]
@@ -225,7 +225,7 @@ def _of_profile(fidelity: str, frequency_hz: Any, level: Any) -> FidelityResult:
 
 
 def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
-    """Solve the assembled plate as `antinode modes` does, or the solid about a frequency."""
+    """Solve the assembled plate like `antinode modes`, or the solid around a frequency."""
     solve = case.solve.but(model="auto")
     if fidelity == SOLID:
         solve = case.solve.but(model="solid", accuracy=max(SOLID_ACCURACY, case.solve.accuracy))
@@ -242,7 +242,7 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
 
 
 def window_around(case: Case, near_hz: float | None) -> Window | None:
-    """A case's window, widened until a frequency lies well inside, kHz; None where it does already."""
+    """Widen a case's window until a frequency lies well inside, kHz; None if it does already."""
     query = with_defaults(case, of_case(case))
     if near_hz is None or (query.band_hz and query.band_hz[0] <= near_hz * 0.97 and near_hz * 1.03 <= query.band_hz[1]):
         return None
@@ -261,7 +261,7 @@ def _outwards(low: float, high: float) -> tuple[float, float]:
 
 
 class EvaluationCache:
-    """Evaluations as JSON under the hash of question and computing sources."""
+    """Evaluations as JSON under the hash of their question and of the computing sources."""
 
     def __init__(self, folder: Path = RESULTS / ".search") -> None:
         self._files = Cache(folder)
@@ -272,7 +272,7 @@ class EvaluationCache:
         return None if content is None else FidelityResult(**json.loads(content))
 
     def put(self, question: dict[str, Any], result: FidelityResult) -> None:
-        """Keep an evaluation; where the disk is full it is computed again in the next run."""
+        """Keep an evaluation; if the disk is full, it is computed again in the next run."""
         self._files.write(self._name(question), json.dumps(result.values() | {"warnings": result.warnings}).encode())
 
     def _name(self, question: dict[str, Any]) -> str:

@@ -1,9 +1,9 @@
-"""The design that confines the target mode best: cheap models look everywhere, expensive ones only where it pays.
+"""Search for the design that confines the target mode best, with cheap models everywhere and expensive ones where it pays.
 
-A strip evaluates a whole grid of designs in seconds; the best of it, well apart, go to a column of computed cells; the best of
-those to assembled plates. Each computed fidelity ends with a Nelder-Mead descent from its best design (scipy), and with steps
-by one of what is counted or chosen. The winner and
-the design as it was are solved once more as `antinode modes` would, so that what is claimed is what the user gets.
+Strips evaluate a whole grid of designs in seconds. The best of them, well apart, go to columns of computed cells, and the
+best of those to assembled plates. Each computed model ends with a Nelder-Mead descent from its best design (scipy), and with
+steps of one in counts and choices. The best and the original design are finally solved like `antinode modes`, so that the
+reported result is the one that the user gets.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ from pipeline.search.terms import GOALS, LESS, PLATE, UNBUILT, FoundDesign, Limi
 
 EVALUATIONS = 16  # assembled plates
 VIOLATION_DB = 1000.0  # dB below any design that keeps the limits
-STEEP = 1000.0  # dB for breaking a limit by its own size: a slope that the local search follows, not a cliff that it sticks to
+STEEP = 1000.0  # dB for exceeding a limit by 100 %: a slope that guides the local search, where a step would trap it
 
 COLUMNS_A_PLATE = 3
-OF_ZONES = ("confinement", "worst", "isolation", "closest")  # goals of several zones; the last two of these alone
-UNLIKE = {"pillar.shape", "pillar.fillet_mm"}  # keys that may leave no column of cells
-MAX_ENDS = 8  # variables whose ends are all looked at
-SOFTNESS = 0.5  # of a half-space's, around a pillar's foot, until a column tells
+OF_ZONES = ("confinement", "worst", "isolation", "closest")  # goals of several zones; the last two need several
+UNLIKE = {"pillar.shape", "pillar.fillet_mm"}  # keys that may rule out a column of cells
+MAX_ENDS = 8  # most variables for which all combinations of ends are checked
+SOFTNESS = 0.5  # of a half-space's compliance, at a pillar's foot, until a column calibrates it
 SOFTEST = 2.0
-GRID = {1: 121, 2: 25}  # strips along each axis; beyond two axes Sobol's points
+GRID = {1: 121, 2: 25}  # strips along each axis; more than two axes use Sobol's points
 SOBOL = 10  # 2^10 strips
-APART = 0.12  # of the box: how far candidates for the next fidelity lie apart
+APART = 0.12  # of the box: least distance between candidates for the next model
 FIRST_STEP = 0.06  # of the box: the descent's first simplex
 FINEST = 0.004
 MAX_CONFIRMED = 3
@@ -61,7 +61,7 @@ MAX_CONFIRMED = 3
 
 @dataclass(frozen=True)
 class Settings:
-    """What to maximise, what to keep, how many assembled plates to spend."""
+    """Goal, limits and number of assembled plates of a search."""
 
     goal: str = "confinement"
     limits: Limits = field(default_factory=Limits)
@@ -70,9 +70,9 @@ class Settings:
 
 @dataclass(frozen=True)
 class Outcome:
-    """All evaluations by fidelity; the design of the file and the best one, both solved as `antinode modes` would.
+    """All evaluations by model, with the design of the file and the best one, both solved like `antinode modes`.
 
-    window: the band about the best design's mode, kHz, where the case's own window does not hold it well inside.
+    window: band around the best design's mode, kHz, if the mode does not lie well inside the case's own window.
     """
 
     space: Space
@@ -85,7 +85,7 @@ class Outcome:
 
     @property
     def repeat(self) -> list[str]:
-        """The --set texts that make the best design from the file."""
+        """Return the --set texts that turn the file's design into the best one."""
         window = ["solve.band_kHz=[{!r},{!r}]".format(*self.window)] if self.window else []
         return [*self.space.fixed, *self.space.overrides(self.best.point), *window]
 
@@ -98,7 +98,7 @@ class Outcome:
 
     @property
     def gain_error_db(self) -> float | None:
-        """Error bar of the gain, dB: both designs' own expected errors."""
+        """Error of the gain, dB: the sum of both designs' errors."""
         if self.gain is None:
             return None
         base, best = (each.goal_error(self.settings.goal) for each in (self.base, self.best))
@@ -106,12 +106,12 @@ class Outcome:
 
     @property
     def tradeoff(self) -> list[FoundDesign]:
-        """Assembled plates within the limits that no other beats in goal, frequency and mass at once, best goal first."""
+        """Pareto-optimal assembled plates within the limits, by goal, frequency and mass, best goal first."""
         return front([each for each in self.by_fidelity[PLATE] if each.keeps])
 
 
 class Budget(NamedTuple):
-    """How many designs each model evaluates at most: 0 where it is left out, by the rules in `left_out`."""
+    """Largest number of designs for each model: 0 if it is left out, by the rules in `left_out`."""
 
     strips: int
     columns: int
@@ -120,7 +120,7 @@ class Budget(NamedTuple):
 
 
 class _Spent(Exception):
-    """The budget of a fidelity is used up."""
+    """The budget of a model is used up."""
 
 
 class _Search:
@@ -146,7 +146,7 @@ class _Search:
             self._at_fidelity(COLUMN, source, first - even, even_points(self.space, even))
             source = COLUMN
         first = max(2, self.budget[PLATE] // 3)
-        alone = not (screened or self.columns)  # no cheaper model says where to look
+        alone = not (screened or self.columns)  # no cheaper model suggests where to search
         self._at_fidelity(PLATE, source, first, even_points(self.space, first * alone))
         own = (
             evaluate(self.space.case(), COLUMN, None, self.cache, **self.goal_options).frequency_hz
@@ -160,35 +160,35 @@ class _Search:
         return Outcome(self.space, self.settings, results, base, best, self.softness, window)
 
     def _calibrate(self) -> None:
-        """Soften the strips' feet until the file's design has the frequency of a column of computed cells."""
+        """Adjust the compliance of the strips' feet until the file's design has the frequency of a column of cells."""
         case = self.space.case()
         with self.log.step("calibrate the strips on one column"):
             column = evaluate(case, COLUMN, None, self.cache)
             if kept_cell(case):
-                self.log.info("columns by the parametric cell that the explorer made: a hundredth of the time")
+                self.log.info("columns: parametric cell from the explorer's cache (a hundredth of the time)")
             tried = [(softness, by_strip(case, softness).frequency_hz) for softness in np.linspace(0.0, SOFTEST, 41)]
         known = [(abs(tone - column.frequency_hz), s, tone) for s, tone in tried if tone and column.frequency_hz]
         if not known:
             return
         _, softness, tone = min(known)
         self.softness = float(softness)
-        comparison_text = f"column {frequency(column.frequency_hz)}, strip {frequency(tone)}"
-        self.log.info(f"{comparison_text} with feet {figure(softness)} times as soft as a half-space's")
+        compared = f"strip {frequency(tone)}, column {frequency(column.frequency_hz)}"
+        self.log.info(f"compliance of the strips' feet: {figure(softness)} times a half-space's ({compared})")
 
     def _screen(self) -> None:
-        """Evaluate the whole box by strips."""
-        with self.log.step("strips over the whole box"):
+        """Evaluate the whole box with strips."""
+        with self.log.step("evaluate strips over the whole box"):
             for shares in screening_points(self.space):
                 self._evaluation(self.space.values(shares), STRIP)
         screened = list(self.known[STRIP].values())
         unbuilt = [each for each in screened if each.goal_value is None]
         keeping = sum(each.keeps for each in screened)
-        self.log.info(f"{len(screened)} designs by strips: {keeping} keep the limits, {len(unbuilt)} cannot be built")
+        self.log.info(f"strips: {len(screened)} designs, {keeping} within the limits, {len(unbuilt)} cannot be built")
         if len(unbuilt) == len(screened):
             raise CheckFailed(f"no design between the ends can be built: {unbuilt[0].why_not}")
 
     def _at_fidelity(self, fidelity: str, source: str, first: int, more: Sequence[Values] = ()) -> None:
-        """Evaluate the file's design, the best of the fidelity below and some more, then search locally from the best two."""
+        """Evaluate the file's design, the best of the cheaper model and `more`, then search locally from the best two."""
         picked = [each.point for each in spread(self.known[source].values(), first, self.space)]
         own = self.space.own_values()
         for values in list(dict.fromkeys([*([own] if own else []), *picked, *more]))[: self.budget[fidelity]]:
@@ -197,17 +197,17 @@ class _Search:
         if not with_goal:
             reasons = [each.why_not for each in self.known[fidelity].values()]
             raise CheckFailed(
-                f"no design could be evaluated at the fidelity {fidelity}: {reasons[0] if reasons else 'none tried'}"
+                f"{fidelity}: no design could be evaluated: {reasons[0] if reasons else 'none was tried'}"
             )
         for start in sorted(with_goal, key=lambda each: -each.penalised_objective)[:2]:
             if not self._descend(fidelity, start):
-                self.log.info(f"the {fidelity} fidelity's budget of {self.budget[fidelity]} designs is used up")
+                self.log.info(f"{fidelity}: budget of {self.budget[fidelity]} designs used up")
                 return
         with suppress(_Spent):
             self._step(fidelity)
 
     def _step(self, fidelity: str) -> None:
-        """Change the best design's counts and choices by one while that betters it."""
+        """Change the best design's counts and choices by one as long as the design improves."""
         while True:
             best = max(self.known[fidelity].values(), key=lambda each: each.penalised_objective)
             for place, variable in enumerate(self.space.variables):
@@ -218,7 +218,7 @@ class _Search:
                 return
 
     def _descend(self, fidelity: str, start: FoundDesign) -> bool:
-        """Search locally by Nelder-Mead over the keys that are no counts; False when the budget ended it."""
+        """Search locally by Nelder-Mead over the continuous keys; False if the budget ended the search."""
         from scipy.optimize import minimize
 
         loose = [i for i, variable in enumerate(self.space.variables) if not variable.whole]
@@ -231,7 +231,7 @@ class _Search:
             point[loose] = shares
             return -self._tried(self.space.values(point), fidelity).penalised_objective
 
-        been = self.columns and fidelity != COLUMN  # a column has been there already
+        been = self.columns and fidelity != COLUMN  # a column has searched here already
         first = FIRST_STEP / 2.0 if been else FIRST_STEP
         options = {"initial_simplex": _simplex(origin[loose], first), "xatol": FINEST, "fatol": 1e-2, "maxfev": 500}
         try:
@@ -241,7 +241,7 @@ class _Search:
         return True
 
     def _tried(self, values: Values, fidelity: str) -> FoundDesign:
-        """Evaluate a design at a computed fidelity and log it. Raises _Spent when it would exceed the budget."""
+        """Evaluate a design with a computed model and log it. Raises _Spent if the budget is used up."""
         if values in self.known[fidelity]:
             return self.known[fidelity][values]
         if len(self.known[fidelity]) >= self.budget[fidelity]:
@@ -259,7 +259,7 @@ class _Search:
         return self.known[fidelity][values]
 
     def _near(self, values: Values) -> float | None:
-        """Frequency about which the plate's target mode is searched: the column's."""
+        """Centre of the search for the plate's target mode, Hz: the frequency from the column."""
         if not self.columns:
             return None
         column = self.known[COLUMN].get(values) or self._evaluated(values, COLUMN, None)
@@ -285,15 +285,15 @@ class _Search:
         return rate(self.space, values, results, self.settings, case.design)
 
     def _confirmed(self, values: Values, near_hz: float | None) -> FoundDesign:
-        """Evaluate a design (none: the file's) by the assembled plate in the case's own window, which must contain the mode."""
-        with self.log.step("solve the design as given" if not values else "solve the best design again"):
+        """Evaluate a design (none: the file's) as an assembled plate in the case's window, which must contain the mode."""
+        with self.log.step("solve the original design" if not values else "solve the best design again"):
             confirmed = self._evaluated(values, PLATE, None, window_around(self.space.case(values), near_hz))
         for id, text in confirmed.warnings:
             self.log.warning(id, text)
         return confirmed
 
     def _best(self) -> FoundDesign:
-        """The best assembled plate that keeps its result when solved in the case's own window."""
+        """Find the best assembled plate whose result holds when solved in the case's own window."""
         ranked = sorted((e for e in self.known[PLATE].values() if e.keeps), key=lambda e: -e.objective)
         if not ranked:
             raise CheckFailed(_none_keeps(self.known[PLATE].values(), self.space))
@@ -309,7 +309,7 @@ class _Search:
 
 
 def front(evaluations: Sequence[FoundDesign]) -> list[FoundDesign]:
-    """Designs that no other beats in goal, frequency and mass at once (Pareto), by falling goal."""
+    """Pareto-optimal designs by goal, frequency and mass, in order of decreasing goal."""
 
     def worth(each: FoundDesign) -> FloatArray:
         mass = each.mass_kg if each.mass_kg is not None else 0.0
@@ -326,7 +326,7 @@ def front(evaluations: Sequence[FoundDesign]) -> list[FoundDesign]:
 def rate(
     space: Space, values: Values, result: FidelityResult, settings: Settings, design: Design | None = None
 ) -> FoundDesign:
-    """Compute goal, mass and limits of an evaluated design; none of them without one, which could not be built."""
+    """Compute goal, mass and violated limits of an evaluated design; none of them if it could not be built."""
     own = {"set": space.written(values), "point": values, "warnings": result.warnings}
     goal: float | None = getattr(result, GOALS[settings.goal][0])
     if design is None or goal is None or result.frequency_hz is None or result.mac is None:
@@ -351,16 +351,16 @@ def rate(
 
 
 def budget_of(space: Space, settings: Settings) -> Budget:
-    """Decide which models lead to the assembled plates."""
+    """Choose the models that precede the assembled plates."""
     design = space.case().design
     alike = not UNLIKE & {variable.key for variable in space.variables}
     columns = bool(design.pillar and alike and _have_columns(space))
     screened, rules = settings.goal != "widest", []
     if not screened:
-        what, why = "strips over the whole box", "they say nothing of how wide a band the rows stop"
+        what, why = "strips over the whole box", "they do not give the width of the stop band"
         rules.append(Simplification("no_strips", what, why))
     if not columns:
-        what, why = "columns of reduced cells", "they take pillars that hexahedra follow"
+        what, why = "columns of reduced cells", "they need pillars that hexahedra can follow"
         rules.append(Simplification("no_columns", what, why))
     strips = len(screening_points(space)) if screened else 0
     return Budget(strips, COLUMNS_A_PLATE * settings.evaluations * columns, settings.evaluations, tuple(rules))
@@ -369,13 +369,13 @@ def budget_of(space: Space, settings: Settings) -> Budget:
 def search(
     space: Space, settings: Settings, log: Log, cache: EvaluationCache | None = None, budget: Budget | None = None
 ) -> Outcome:
-    """Search the best design of a space. Raises InputError without rows, CheckFailed when no design keeps the limits."""
+    """Search the best design of a space. Raises InputError without rows, CheckFailed if no design keeps the limits."""
     check(space, settings)
     return _Search(space, settings, budget or budget_of(space, settings), log, cache or EvaluationCache()).go()
 
 
 def check(space: Space, settings: Settings) -> None:
-    """InputError for a case or keys that a goal cannot be searched of."""
+    """Raise InputError for a case or keys that do not suit the goal."""
     case = space.case()
     case.require_plate(command="search", several=True)
     case.require("pillar", "array.pitch_mm", command="search")
@@ -386,13 +386,13 @@ def check(space: Space, settings: Settings) -> None:
     if settings.goal == "widest":
         checked(case)
     if settings.goal == "worst" and not (case.tolerance and case.tolerance.height_m):
-        raise InputError(f"{space.path}: tolerance.height_mm: missing, --goal worst needs how far heights may be off")
+        raise InputError(f"{space.path}: tolerance.height_mm: missing, --goal worst needs the deviation of heights")
     if settings.goal == "extension" and not case.design.extension_m and "array.extension_mm" not in varied:
         raise InputError(f"{space.path}: array.extension_mm = 0: must be above 0 for --goal extension")
 
 
 def screening_points(space: Space) -> FloatArray:
-    """Points of the unit cube that strips evaluate, (n, keys): a grid up to two keys, Sobol's points beyond."""
+    """Points of the unit cube for the strips, (n, keys): a grid for up to two keys, Sobol's points for more."""
     count = len(space.variables)
     if count not in GRID:
         from scipy.stats import qmc
@@ -406,7 +406,7 @@ def screening_points(space: Space) -> FloatArray:
 
 
 def even_points(space: Space, count: int) -> list[Values]:
-    """Spread designs evenly over the box (Halton): a cheaper fidelity may be wrong about where the best lie."""
+    """Spread designs evenly over the box (Halton), since a cheaper model may misplace the best ones."""
     if not count:
         return []
     from scipy.stats import qmc
@@ -415,7 +415,7 @@ def even_points(space: Space, count: int) -> list[Values]:
 
 
 def spread(evaluations: Iterable[FoundDesign], count: int, space: Space) -> list[FoundDesign]:
-    """The best `count` designs that lie apart in the box; fewer where there are no more."""
+    """Return up to `count` of the best designs that lie apart in the box."""
     picked: list[FoundDesign] = []
     steps = [variable.share(variable.low + 1.0) if variable.whole else 1.0 for variable in space.variables]
     apart = np.minimum(APART, 0.99 * np.array(steps))  # the next whole number is another design
@@ -430,23 +430,23 @@ def spread(evaluations: Iterable[FoundDesign], count: int, space: Space) -> list
 
 def _check_zones(case: Case, varied: set[str], settings: Settings) -> None:
     if "zone.count" in varied:
-        what = "one zone has no other, must be left alone: search --set zone.count=2, or a study that sweeps it"
+        what = "cannot vary, one zone has no other: search with --set zone.count=2, or sweep it in a study"
         raise InputError(f"--vary zone.count: {what}")
     if case.design.zones > 1:
         if settings.goal not in OF_ZONES:
-            what = f"of one zone alone, must be {', '.join(OF_ZONES[:-1])} or {OF_ZONES[-1]} with several"
+            what = f"applies to a single zone, must be {', '.join(OF_ZONES[:-1])} or {OF_ZONES[-1]} for several"
             raise InputError(f"--goal {settings.goal}: {what}")
         case.require("patches", command="search")
         check_zones(case)
     elif settings.goal in OF_ZONES[2:] or settings.limits.isolation_db is not None:
         name = f"--goal {settings.goal}" if settings.goal in OF_ZONES[2:] else "--min-isolation"
-        raise InputError(f"{name}: one zone has no other, needs zone.count of 2 or more")
+        raise InputError(f"{name}: needs several zones, set zone.count to 2 or more")
 
 
 def _have_columns(space: Space) -> bool:
-    """Whether hexahedra follow the pillars of every design, as columns of cells ask for.
+    """Whether hexahedra can follow the pillars of every design, as columns of cells require.
 
-    Curved ones need room about each foot, which a design of other sizes may lack.
+    Curved pillars need room around each foot, which a design of other sizes may lack.
     """
     pillar, names = space.case().design.pillar, [variable.key for variable in space.variables if variable.words]
     if pillar is None or pillar.is_made_of_boxes:
@@ -460,7 +460,7 @@ def _have_columns(space: Space) -> bool:
 
 
 def _simplex(origin: FloatArray, first: float) -> FloatArray:
-    """Corners about a point of the unit cube, all inside it."""
+    """Corners of a simplex around a point of the unit cube, all inside it."""
     steps = np.where(origin + first <= 1.0, first, -first)
     return np.vstack([origin, origin + np.diag(steps)])
 
@@ -469,4 +469,4 @@ def _none_keeps(evaluations: Iterable[FoundDesign], space: Space) -> str:
     closest = max(evaluations, key=lambda each: each.objective)
     where = ", ".join(space.overrides(closest.point))
     why = "; ".join(closest.violations) or closest.why_not
-    return f"no design that was tried keeps every limit; the closest, {where}: {why}"
+    return f"no design tried keeps every limit; the closest, {where}: {why}"

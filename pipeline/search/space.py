@@ -1,4 +1,4 @@
-"""What a search may change: keys of the case file between two ends, snapped to what can be made."""
+"""Search space: keys of the case file between two ends, snapped to values that can be made."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from pipeline.quantity import MM
 from pipeline.search.terms import Range, Window
 
 VARIED = ("plate", "zone", "pillar", "tip", "array")  # the tables that shape the plate
-STEP_MM = 0.01  # a printer holds no more
+STEP_MM = 0.01  # printers are no more accurate
 EXAMPLE = "such as pillar.height_mm=5:8"
-WORDS = {"true": True, "false": False}  # that stand for values
+WORDS = {"true": True, "false": False}  # and the values that they stand for
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One key between two ends, in the file's unit; `step` is the grid that its values are snapped to.
+    """One key between two ends, in the file's unit; its values are snapped to the grid `step`.
 
-    Of a key with one value a row, `row` (from 1 at the zone) tells whose; of a key with two words, 0 and 1 stand for `words`.
+    A key with one value per row has a `row` (from 1 at the zone); for a key with two words, 0 and 1 stand for `words`.
     """
 
     key: str
@@ -44,21 +44,21 @@ class Variable:
 
     @property
     def name(self) -> str:
-        """The key, and the row in brackets where it has one."""
+        """The key, with its row in brackets if it has one."""
         return self.key if self.row is None else f"{self.key}[{self.row}]"
 
     def snapped(self, share: float) -> float | int:
-        """The value at a share (0 to 1) of the way, on the grid and between the ends."""
+        """Value at a share (0 to 1) of the range, snapped to the grid."""
         value = self.low + min(max(share, 0.0), 1.0) * (self.high - self.low)
         value = min(max(self.low + self.step * round((value - self.low) / self.step), self.low), self.high)
         return round(value) if self.whole else round(value, 9)
 
     def written(self, value: float) -> float | str:
-        """A value as it is told: the word where the key has words."""
+        """Write a value for output: the word if the key has words."""
         return self.words[round(value)] if self.words else round(value) if self.whole else value
 
     def share(self, value: float) -> float:
-        """Where a value lies between the ends, 0 to 1."""
+        """Share of the range at which a value lies, 0 to 1."""
         return (value - self.low) / (self.high - self.low)
 
 
@@ -71,7 +71,7 @@ class Space:
 
     @property
     def path(self) -> Path:
-        """The case's file, or the one that it might be."""
+        """File of the case, or the name that it would have."""
         return self.base.source or Path(f"{self.base.name}.toml")
 
     @property
@@ -84,31 +84,31 @@ class Space:
         return tuple(variable.snapped(float(share)) for variable, share in zip(self.variables, shares, strict=True))
 
     def shares(self, values: Sequence[float]) -> FloatArray:
-        """The point of the unit cube at values."""
+        """Point of the unit cube at values."""
         return np.array([variable.share(value) for variable, value in zip(self.variables, values, strict=True)])
 
     def overrides(self, values: Sequence[float | int]) -> list[str]:
-        """The --set texts that make a design."""
+        """Return the --set texts of a design."""
         return [_text(*each) for each in _settings(self.variables, values).items()]
 
     def written(self, values: Sequence[float | int]) -> dict[str, float | str]:
-        """Values by the names of their variables; {} for the design of the file, which varies nothing."""
+        """Return values by the names of their variables; {} for the design of the file."""
         return {variable.name: variable.written(value) for variable, value in zip(self.variables, values, strict=False)}
 
     def case(self, values: Sequence[float | int] = (), window: Window | None = None) -> Case:
-        """The scene with these values (none: as the file has it), solved in a window. InputError for what cannot be built."""
+        """Return the case with these values (none: as in the file), solved in a window; InputError if it cannot be built."""
         changes = _settings(self.variables, values) if values else {}
         return self.base.but(changes | ({"solve.band_kHz": list(window)} if window else {}))
 
     def own_values(self) -> tuple[float | int, ...] | None:
-        """The values that the file itself has, snapped; None where it lacks one or has it outside the ends."""
+        """Values of the file itself, snapped; None if one is missing or outside its range."""
         values = [self._own(variable) for variable in self.variables]
         shares = [v.share(value) for v, value in zip(self.variables, values, strict=True) if value is not None]
         inside = len(shares) == len(values) and all(0.0 <= share <= 1.0 for share in shares)
         return self.values(shares) if inside else None
 
     def _own(self, variable: Variable) -> float | None:
-        """The file's own value of a key, of one with words its number; None where it has none."""
+        """Value of a key in the file, as a number for words; None if the file has none."""
         table, _, name = variable.key.rpartition(".")
         raw, design = apply_overrides(self.base.raw, parsed(self.base.overrides)), self.base.design
         value = (raw.get(table, {}) if table else raw).get(name)
@@ -125,7 +125,7 @@ class Space:
 
     @staticmethod
     def _of_row(design: Design, key: str, row: int) -> float:
-        """The value that a design has in a row, mm."""
+        """Value of a key in one row of a design, mm."""
         own = {HEIGHTS: design.row_pillars[row - 1].height_m, SIDES: design.row_pillars[row - 1].base_m}
         return round(own.get(key, float(design.row_pitches_m[row - 1])) / MM, 9)
 
@@ -137,7 +137,7 @@ def _material(design: Design, owner: str) -> str:
 
 
 def _settings(variables: Sequence[Variable], values: Sequence[float | int]) -> dict[str, Any]:
-    """Each key with its value, one with a value a row with their list."""
+    """Map each key to its value, or to the list of its values per row."""
     found: dict[str, list[Any]] = {}
     for variable, value in zip(variables, values, strict=True):
         written = variable.written(value)
@@ -147,14 +147,14 @@ def _settings(variables: Sequence[Variable], values: Sequence[float | int]) -> d
 
 
 def _text(key: str, value: Any) -> str:
-    """KEY=VALUE as --set takes it, words without quotes."""
+    """Write KEY=VALUE for --set, words without quotes."""
     if isinstance(value, list):
         return f"{key}=[{','.join(map(toml_text, value))}]"
     return f"{key}={value if isinstance(value, str) else toml_text(value)}"
 
 
 def space_of(case: Case, ranges: Sequence[Range]) -> Space:
-    """The search space of a case. InputError, one line a fault, for a range that cannot be searched."""
+    """Return the search space of a case; InputError, with one line per fault, for ranges that cannot be searched."""
     faults: list[str] = []
     found: dict[str, tuple[Range, list[Variable]]] = {}
     for each in ranges:
@@ -174,14 +174,14 @@ def space_of(case: Case, ranges: Sequence[Range]) -> Space:
     if not ranges:
         faults.append(f"--vary: missing, search needs at least one KEY=LOW:HIGH, {EXAMPLE}")
     if any(variable.row for variable in variables) and "array.rows" in {variable.key for variable in variables}:
-        faults.append("--vary array.rows: must be left alone beside a key with one value a row")
+        faults.append("--vary array.rows: cannot vary together with a key that has one value per row")
     if faults:
         raise InputError(faults)
     return Space(case, tuple(variables))
 
 
 def variable_of(between: Range) -> Variable:
-    """The variable of a range. InputError for an unknown key, or ends that are no rising numbers."""
+    """Return the variable of a range; InputError for an unknown key, or ends that are not ascending numbers."""
     key, *ends = between
     known, worded = searchable_keys(), word_keys()
     if key in worded:
@@ -193,7 +193,7 @@ def variable_of(between: Range) -> Variable:
     if key not in known:
         guess = "" if key in known_keys() else nearest(key, sorted({*known, *worded}))
         allowed = f"must be a number or a choice in one of {', '.join(f'[{table}]' for table in VARIED)}"
-        raise InputError(f"--vary {between}: {key} is no number that shapes the plate{guess}, {allowed}")
+        raise InputError(f"--vary {between}: {key} does not set a number of the plate{guess}, {allowed}")
     whole = known[key]
     numbers = [float(n) for n in ends if isinstance(n, int | float) and not isinstance(n, bool) and isfinite(n)]
     if len(numbers) != 2:
@@ -202,12 +202,12 @@ def variable_of(between: Range) -> Variable:
     if not low < high:
         raise InputError(f"--vary {between}: the low end must lie below the high end")
     if whole and not (low.is_integer() and high.is_integer()):
-        raise InputError(f"--vary {between}: {key} counts something, both ends must be whole numbers")
+        raise InputError(f"--vary {between}: {key} is a count, both ends must be whole numbers")
     return Variable(key, low, high, 1.0 if whole else min(STEP_MM, (high - low) / 10.0), whole)
 
 
 def searchable_keys() -> dict[str, bool]:
-    """Keys of the tables that shape the plate whose value is one number, and whether it is a whole one."""
+    """Keys with a single number in the tables that shape the plate, and whether it is a whole one."""
     keys: dict[str, bool] = {}
     for table in VARIED:
         for name, field in TABLES[table].model_fields.items():
@@ -218,7 +218,7 @@ def searchable_keys() -> dict[str, bool]:
 
 
 def word_keys() -> dict[str, tuple[str, ...]]:
-    """Keys of the tables that shape the plate whose value is one of some words, and these."""
+    """Keys with a choice of words in the tables that shape the plate, and these words."""
     words: dict[str, tuple[str, ...]] = {f"{owner}.material".lstrip("."): tuple(MATERIALS) for owner in MATERIAL_OWNERS}
     for table in VARIED:
         for name, field in TABLES[table].model_fields.items():
@@ -230,23 +230,24 @@ def word_keys() -> dict[str, tuple[str, ...]]:
 
 
 def _word(value: Any) -> str:
-    """A word as an override has it."""
+    """Write a word for an override."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _rows(case: Case, variable: Variable, between: Range) -> list[Variable]:
-    """The variable, or one for each of the file's rows where its key has a value a row. InputError without rows."""
+    """Return the variable, or one per row of the file if its key has one value per row; InputError without rows."""
     if variable.key not in INSTEAD:
         return [variable]
     rows = case.design.rows
     if not rows:
-        raise InputError(f"--vary {between}: {variable.key} has one value a row, and array.rows is 0 or missing")
+        raise InputError(f"--vary {between}: {variable.key} has one value per row, but array.rows is 0 or missing")
     return [replace(variable, row=row) for row in range(1, rows + 1)]
 
 
 def _check_ends(case: Case, variables: list[Variable], others: list[Variable], between: Range) -> None:
-    """InputError when an end is no value that the key may have, or neither end can be built: with the others as the file has
-    them, nor with all of them at an end.
+    """Raise InputError if the key cannot take an end, or if neither end can be built.
+
+    An end can be built if it works with the other keys as in the file, or with all of them at their low or high ends.
     """
     lines: list[list[str]] = []
     beside = [_settings(others, ends) for ends in ([v.low for v in others], [v.high for v in others])]
@@ -271,7 +272,7 @@ def _check_ends(case: Case, variables: list[Variable], others: list[Variable], b
 
 
 def _is_allowed(key: str, value: Any) -> bool:
-    """Whether the schema has a value for a key, whatever stands beside it."""
+    """Whether the schema allows a value for a key, regardless of the other keys."""
     table, _, name = key.rpartition(".")
     field = TABLES[table].model_fields[name]
     try:

@@ -1,4 +1,4 @@
-"""The terms of a search: models, goals, limits, and keys between two ends. It loads light modules: help shows them."""
+"""Terms of a search: models, goals, limits, and keys between two ends. It imports light modules only, because help needs it."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ if TYPE_CHECKING:
 
 STRIP, COLUMN, PLATE, SOLID = "strip", "column", "plate", "solid"
 
-GOALS = {  # of a design: the figure that is raised, and its words on an axis
+GOALS = {  # figure to maximise, and its axis label
     "confinement": ("confinement_db", "confinement (dB)"),
-    "extension": ("extension_db", "zone to extension (dB)"),
-    "worst": ("worst_db", "least confinement, heights off (dB)"),
-    "widest": ("band_khz", "band in which rows take 10 dB (kHz)"),
-    "isolation": ("isolation_db", "driven zone over the others (dB)"),
+    "extension": ("extension_db", "zone relative to margin (dB)"),
+    "worst": ("worst_db", "least confinement with height errors (dB)"),
+    "widest": ("band_khz", "band with 10 dB attenuation by the rows (kHz)"),
+    "isolation": ("isolation_db", "driven zone relative to the others (dB)"),
     "closest": ("gap_mm", "gap between zones (mm)"),
 }
 
 UNITS = {"widest": "kHz", "closest": "mm"}  # of a goal; dB of any other
-LESS = ("mm",)  # of units: the less the better, so that a goal counts below 0
-End = float | str | bool  # of a range: a number in the file's unit, or one of two choices
+LESS = ("mm",)  # units of goals to minimise, which count as negative
+End = float | str | bool  # end of a range: a number in the file's unit, or one of two choices
 MISSING = "must be KEY=LOW:HIGH, such as pillar.height_mm=5:8"
-UNBUILT = -1e6  # objective of what cannot be built or evaluated
+UNBUILT = -1e6  # objective of a design that cannot be built or evaluated
 Values = tuple[float | int, ...]
 Window = tuple[float, float]  # kHz
 
@@ -41,14 +41,14 @@ class Range(NamedTuple):
 
     @classmethod
     def between(cls, key: str, ends: Any) -> Range:
-        """Return the range of a key between two ends. Raises InputError for what are none."""
+        """Return the range of a key between two ends; InputError for anything else."""
         if not isinstance(ends, tuple | list) or len(ends) != 2:
             raise InputError(f"{key} = {ends!r}: must be two ends, (low, high)")
         return cls(key, *ends)
 
     @classmethod
     def read(cls, text: str) -> Range:
-        """Return the range of "key=low:high". Raises InputError for another text."""
+        """Return the range of "key=low:high"; InputError for any other text."""
         from pipeline.case.reading import parse_value
 
         key, equals, ends = (part.strip() for part in text.partition("="))
@@ -64,9 +64,9 @@ class Range(NamedTuple):
 
 
 class FidelityResult(Part):
-    """The target mode of one design as one model computed it; None where it has none, and then the reason.
+    """Target mode of one design from one model; figures are None without a target mode, and `why_not` gives the reason.
 
-    With several zones each is driven in turn: the lowest peak, and the least MAC, confinement and level over another zone.
+    Several zones are driven in turn; the result has the lowest peak, and the least MAC, confinement and isolation.
     """
 
     fidelity: str = column("model that evaluated it: strip, column or plate")
@@ -75,41 +75,43 @@ class FidelityResult(Part):
     confinement_db: float | None = column("confinement", "dB", error="confinement_error_db", default=None)
     confinement_error_db: float | None = bar("confinement_db", "dB", default=None)
     extension_db: float | None = column(
-        "level of the zone over the plate beyond the rows", "dB", error="extension_error_db", default=None
+        "level of the zone relative to the plate beyond the rows", "dB", error="extension_error_db", default=None
     )
     extension_error_db: float | None = bar("extension_db", "dB", default=None)
     mac: float | None = column("modal assurance criterion with the target shape", default=None)
     worst_db: float | None = column(
-        "least confinement with all heights as designed, too low and too high",
+        "least confinement with all heights as designed, too low or too high",
         "dB",
         error="worst_error_db",
         default=None,
     )
     worst_error_db: float | None = bar("worst_db", "dB", default=None)
     band_khz: float | None = column(
-        "width of the band about the mode in which the rows take 10 dB", "kHz", default=None
+        "width of the band around the mode in which the rows attenuate by 10 dB", "kHz", default=None
     )
     isolation_db: float | None = column(
-        "least level of a driven zone over another one", "dB", error="isolation_error_db", default=None
+        "least level of a driven zone relative to another one", "dB", error="isolation_error_db", default=None
     )
     isolation_error_db: float | None = bar("isolation_db", "dB", default=None)
-    gap_mm: float | None = column("distance of two zones' borders", "mm", default=None)
-    why_not: str | None = column("why it could not be evaluated; None where it was", default=None)
+    gap_mm: float | None = column("gap between the borders of two zones", "mm", default=None)
+    why_not: str | None = column("reason why it could not be evaluated; None if it was", default=None)
     warnings: list[tuple[str, str]] = live(default_factory=list)  # id and text of the solve's
 
 
 class FoundDesign(FidelityResult):
-    """A design as a model evaluated it. With several zones: lowest peak, least MAC and level of all, each driven in turn."""
+    """Design evaluated by a model. Several zones are driven in turn: lowest peak, least MAC and level of all."""
 
-    set: dict[str, float | str] = column("values of the varied keys in the file's units, or words; none as given")
-    mass_kg: float | None = column("mass of plate and pillars, fillets left out", "kg")
-    violations: list[str] = column("limits that it breaks")
+    set: dict[str, float | str] = column(
+        "values of the varied keys in the file's units, or words; empty for the original"
+    )
+    mass_kg: float | None = column("mass of plate and pillars without fillets", "kg")
+    violations: list[str] = column("limits that it violates")
     point: Values = live(default=())  # values of the variables in their order
-    # None: nothing to evaluate. In dB or in the goal's unit; below 0 where less is better
+    # in dB or the goal's unit, negative if less is better; None if nothing was evaluated
     goal_value: float | None = live()
     objective: float = live(default=UNBUILT)
-    # ranks designs for the next model, and a local search raises it: the goal, less what a violated limit costs the more it is
-    # violated, without the slack that a cheap model has before a limit counts as violated
+    # ranks designs for the next model, and the local search maximises it: the goal minus a penalty that grows with the
+    # violation of a limit, without the slack that a cheap model otherwise has
     penalised_objective: float = live(default=UNBUILT)
 
     @property
@@ -118,34 +120,34 @@ class FoundDesign(FidelityResult):
         return self.goal_value is not None and not self.violations
 
     def text(self, goal: str) -> str:
-        """Describe the figure of a goal with its bar, the mode that it is of, and the limits that the design breaks."""
+        """Describe the figure of a goal with its error bar, its mode, and the limits that the design violates."""
         value, unit = getattr(self, GOALS[goal][0]), unit_of(goal)
         if value is None or self.frequency_hz is None:
             return f"not evaluated: {self.why_not}"
-        breaks = f"; breaks: {'; '.join(self.violations)}" if self.violations else ""
+        breaks = f"; violates: {'; '.join(self.violations)}" if self.violations else ""
         best = level_with_bar(value, self.goal_error(goal)) if unit == "dB" else with_bar(value, None, unit)
         tone = frequency_with_bar(self.frequency_hz, self.frequency_error)
         return f"{best} at {tone}, MAC {figure(self.mac)}{breaks}"
 
     def goal_error(self, goal: str) -> float | None:
-        """Half-width of the error bar of a goal's level; None for a goal that is no level, and without an estimate."""
+        """Error of a goal's level, dB; None for a goal that is not a level, and without an estimate."""
         error: float | None = getattr(self, f"{GOALS[goal][0].removesuffix('_db')}_error_db", None)
         return error
 
 
 class Limits(Part):
-    """What a design must keep: limits on the target mode, on what is printed, and on a driven zone's level over the others."""
+    """Limits on the target mode, on the printed geometry, and on a driven zone's level relative to the others."""
 
     lowest_hz: float = column("least frequency of the target mode", "Hz", default=25 * KHZ)
     half_wavelength_m: float = column("largest half-wavelength along the zone", "m", default=20 * MM)
     feature_m: float = column("smallest feature", "m", default=0.4 * MM)
-    mac: float = column("least modal assurance to the target shape", default=0.8)
+    mac: float = column("least modal assurance criterion with the target shape", default=0.8)
     isolation_db: float | None = column(
-        "least level of a driven zone over every other; None for no limit", "dB", default=None
+        "least level of a driven zone relative to every other; None for no limit", "dB", default=None
     )
 
     def of_design(self, design: Design) -> list[tuple[str, float]]:
-        """Limits that the geometry alone violates: in words, and by how much (relative)."""
+        """Limits that the geometry violates, in words, with the relative excess."""
         from geometry.cad.printing import SUPPORT_DEG, features
 
         violations = []
@@ -162,7 +164,7 @@ class Limits(Part):
         first = design.pillar
         if first and design.rows and first.faces == 2 and first.material == design.stack.back:
             violations.append(
-                ("pillars on both faces cannot be printed with the plate: its underside is a ceiling", 1.0)
+                ("pillars on both faces cannot be printed with the plate, whose underside would be unsupported", 1.0)
             )
         if lean > SUPPORT_DEG:
             violations.append(
@@ -171,21 +173,21 @@ class Limits(Part):
         return violations
 
     def of_mode(self, frequency_hz: float, mac: float, slack: float = 0.0) -> list[tuple[str, float]]:
-        """Limits that the target mode violates by more than `slack` (relative: what a cheap fidelity may err by)."""
+        """Limits that the target mode violates by more than `slack` (the relative error of a cheap model)."""
         violations = []
         if frequency_hz < self.lowest_hz * (1.0 - slack):
             text = f"{frequency(frequency_hz)}, at least {self.lowest_hz / KHZ:g}"
             violations.append((text, 1.0 - frequency_hz / self.lowest_hz))
         if mac < self.mac * (1.0 - slack):
-            violations.append((f"MAC {figure(mac)} to the target shape, at least {self.mac:g}", 1.0 - mac / self.mac))
+            violations.append((f"MAC {figure(mac)} with the target shape, at least {self.mac:g}", 1.0 - mac / self.mac))
         return violations
 
     def of_zones(self, isolation_db: float | None, slack: float = 0.0) -> list[tuple[str, float]]:
-        """The limit on a driven zone's level over the others, in the same way."""
+        """The limit on a driven zone's level relative to the others, if it is violated by more than `slack`."""
         least = self.isolation_db
         if least is None or isolation_db is None or isolation_db >= least * (1.0 - slack):
             return []
-        return [(f"zones {level(isolation_db)} apart, at least {least:g}", 1.0 - isolation_db / least)]
+        return [(f"isolation {level(isolation_db)}, at least {least:g}", 1.0 - isolation_db / least)]
 
 
 def unit_of(goal: str) -> str:
@@ -194,9 +196,9 @@ def unit_of(goal: str) -> str:
 
 
 def overhang_deg(pillar: Pillar) -> float:
-    """How far the pillar's sides lean outwards, degrees from the vertical; 0 for those that do not, and for a STEP file.
+    """Overhang of the pillar's sides, degrees from the vertical; 0 for sides that do not lean outwards, and for a STEP file.
 
-    A heavy tip of the pillar's own material is printed with it: one that is wider has a level underside.
+    A tip mass of the pillar's own material is printed with it, and a wider one has a horizontal underside.
     """
     tip = pillar.tip
     if tip and tip.material == pillar.material and tip.side_m > pillar.tip_m:
@@ -205,6 +207,6 @@ def overhang_deg(pillar: Pillar) -> float:
 
 
 def mass_kg(design: Design) -> float:
-    """Plate and pillars, fillets left out, kg."""
+    """Mass of plate and pillars without fillets, kg."""
     plate = design.length_m * 2.0 * design.half_span_m * design.stack.mass_kg_m2
     return plate + sum(len(each.centres) * each.pillar.faces * each.pillar.mass_kg for each in design.standing())

@@ -17,9 +17,9 @@ from studies.benchmarks import ran
 MEASURED = """import sys, time
 from solvers import machine
 from pipeline.cli.main import main
-from pipeline.planning.resources import Demand
-told, text = [], Demand.text
-Demand.text = lambda self: told.append((self.memory_bytes, self.seconds)) or text(self)
+from pipeline.planning.resources import ResourceEstimate
+told, text = [], ResourceEstimate.text
+ResourceEstimate.text = lambda self: told.append((self.memory_bytes, self.seconds)) or text(self)
 code = main(sys.argv[1:])
 print(max(each[0] for each in told), sum(each[1] for each in told), machine.peak_bytes(), time.process_time())
 sys.exit(code)"""  # the process tells its own peak: what its parent reads of it may begin with the parent's size

@@ -1,1 +1,1 @@
-"""Scenes, meshes and invented studies that several tests share."""
+"""Scenes, meshes and synthetic studies that several tests share."""

@@ -21,7 +21,7 @@ def bands_of(case: Case, log: Log, shapes: bool = False, every_gap: bool = True)
 
 
 def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = True) -> SolvedBands:
-    """What the bands of a case are made from, announced as the question does."""
+    """The solved bands of a case, with their resource estimate logged as by the question."""
     question = Bands()
     question.check(case)
     (step,) = question.plan(case).steps
@@ -31,7 +31,7 @@ def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = Tr
 
 
 def crosstalk_of(case: Case, log: Log, points: int = 401) -> CrosstalkResult:
-    """The cross-talk of a case, computed without its forecast."""
+    """The crosstalk of a case, computed without its resource estimate."""
     question = Crosstalk(points=points)
     question.check(case)
     return question.compute(case, Plan(case.name, (), ()), Run(log))

@@ -1,4 +1,4 @@
-"""What other processes would do, done in the test's own: they would prove nothing of pages and tables."""
+"""Work of other processes done in the test's own, for tests of pages and tables, which do not depend on processes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.batch import runner
 
 
 class AtOnce(Executor):
-    """Does at once what it is given; `antinode run` uses processes in tests of the runner."""
+    """Executor that runs its work immediately; tests of the runner use real processes."""
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         future: Future[Any] = Future()
@@ -24,5 +24,5 @@ class AtOnce(Executor):
 
 
 def sweep_here(patch: pytest.MonkeyPatch) -> None:
-    """Sweeps of `import antinode` on this process' meshes; else workers compute them."""
+    """Run sweeps of `import antinode` on this process' meshes instead of in workers."""
     patch.setattr(runner, "_local", lambda count: AtOnce())

@@ -1,4 +1,4 @@
-"""Beams of the sections that tests know by heart."""
+"""Beams with the sections that tests use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tests look at and do to an emulated board beyond what its line, pins and button allow."""
+"""Probes of an emulated board for tests, beyond its serial line, pins and button."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from firmware.image import Elf
 
 
 class EmulatedPort:
-    """Has write and read, as a pyserial port has; each read waits one millisecond of the board's time."""
+    """Port with the write and read of pyserial; each read waits one millisecond of the board's time."""
 
     def __init__(self, board: EmulatedBoard) -> None:
         self.board = board
 
     def write(self, data: bytes) -> int:
-        """Bytes to the board."""
+        """Send bytes to the board."""
         self.board.send(data)
         return len(data)
 
     def read(self, size: int = 1) -> bytes:
-        """What the board has sent, at most size bytes."""
+        """Return bytes sent by the board, at most `size`."""
         self.board.run(1e-3)
         taken = bytes(self.board.received[:size])
         del self.board.received[:size]
@@ -39,13 +39,13 @@ class EmulatedPort:
 
 
 def lose_stack(board: EmulatedBoard) -> None:
-    """The stack pointer ends up where no stack is, and something faults on it."""
+    """Move the stack pointer outside the stack, so that its next use faults."""
     board.uc.reg_write(UC_ARM_REG_SP, RAM + RAM_BYTES - 64)
     board.interrupt_unexpectedly()
 
 
 def stack_pointer(board: EmulatedBoard) -> int:
-    """Where the main loop's stack ends while it waits."""
+    """Address at which the main loop's stack ends while it waits."""
     return int(board.uc.reg_read(UC_ARM_REG_SP))
 
 
@@ -55,26 +55,26 @@ def peek(board: EmulatedBoard, address: int, length: int) -> bytes:
 
 
 def hear_earlier(board: EmulatedBoard, seconds: float, window_s: float) -> None:
-    """As if the host had been heard so much earlier: silence that need not be sat through."""
+    """Date the last message of the host back by a time, so that the test need not wait."""
     supervisor = board.app.base.supervisor
     supervisor.heard = (supervisor.heard - round(seconds / window_s)) % 2**32
 
 
 def push_button(board: EmulatedBoard) -> None:
-    """Pressed and let go, each for longer than a contact bounces."""
+    """Press and release the button, each for longer than its contact bounces."""
     for pressed in (True, False):
         board.press(pressed)
         board.run(22e-3)
 
 
 def overrun(board: EmulatedSix) -> None:
-    """A sample came before the last was taken: ADC and DMA stand until both are set up anew (RM0390, "Using the DMA")."""
+    """Simulate an ADC overrun: ADC and DMA stop until both are set up again (RM0390, "Using the DMA")."""
     board.word(ADC_SR).value |= OVERRUN
     board.word(SCAN_LEFT).value = 3
 
 
 def count_instructions(board: EmulatedBoard, run: Callable[[], Any], *routines: str) -> dict[str, Counter[int]]:
-    """How often each routine took how many instructions, entry to return, calls included, while something runs."""
+    """Counts of each routine's instructions from entry to return, calls included, while something runs."""
     entries = {board.symbol(name): name for name in routines}
     counts: dict[str, Counter[int]] = {name: Counter() for name in routines}
     count, back, inside = 0, 0, ""
@@ -88,7 +88,7 @@ def count_instructions(board: EmulatedBoard, run: Callable[[], Any], *routines: 
             count, back, inside = 0, uc.reg_read(UC_ARM_REG_LR) & ~1, entries[address]
         count += 1
 
-    board.uc.ctl_flush_tb()  # type: ignore[attr-defined]  # code translated before knows of no hook
+    board.uc.ctl_flush_tb()  # type: ignore[attr-defined]  # code translated earlier has no hook
     hook = board.uc.hook_add(UC_HOOK_CODE, each)
     try:
         run()
@@ -99,7 +99,7 @@ def count_instructions(board: EmulatedBoard, run: Callable[[], Any], *routines: 
 
 
 def record_writes(board: EmulatedBoard, run: Callable[[], Any], *ranges: tuple[int, int]) -> list[tuple[int, int, int]]:
-    """What the image writes into some ranges of addresses while something runs: (instructions so far, address, value)."""
+    """Writes of the image to ranges of addresses while something runs: (instructions so far, address, value)."""
     writes: list[tuple[int, int, int]] = []
     count = 0
 
@@ -120,7 +120,7 @@ def record_writes(board: EmulatedBoard, run: Callable[[], Any], *ranges: tuple[i
 
 
 def count_translations(board: EmulatedBoard, seconds: float) -> int:
-    """How many pieces of code the emulator translates while a board runs, but for those that begin a page of 4 KB.
+    """Number of code blocks that the emulator translates while a board runs, except those at the start of a 4 KB page.
 
     What runs on from the page before is translated anew each time, wherever a compiler's layout puts it.
     """
@@ -137,7 +137,7 @@ def count_translations(board: EmulatedBoard, seconds: float) -> int:
 
 
 def routines_of_the_board(header: str, variant: str) -> set[str]:
-    """The names of all functions that the board's sources of a build define, static ones included."""
+    """Names of all functions, static ones included, in the board's sources of a build."""
     _, command = builder.toolchain()
     names: set[str] = set()
     with tempfile.TemporaryDirectory() as name:
@@ -156,7 +156,7 @@ def routines_of_the_board(header: str, variant: str) -> set[str]:
 
 
 class BranchRecorder:
-    """Both ways of each conditional branch of some routines, and which of them were gone."""
+    """Both paths of each conditional branch in some routines, and those that were executed."""
 
     def __init__(self, elf: Elf, routines: set[str]) -> None:
         self.code = image.Code(elf)
@@ -187,7 +187,7 @@ class BranchRecorder:
             waiting += nexts
 
     def watch(self, board: EmulatedBoard) -> None:
-        """Records what a board does from now on."""
+        """Record the branches of a board from now on."""
         last = 0
 
         def each(_: Any, address: int, *__: Any) -> None:
@@ -202,5 +202,5 @@ class BranchRecorder:
 
     @property
     def share(self) -> float:
-        """Of the ways that were gone."""
+        """Fraction of the paths that were executed."""
         return len(self.ways & self.gone) / len(self.ways)

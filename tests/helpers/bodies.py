@@ -28,7 +28,7 @@ def bricks(lines: Lines, order: int) -> Mesh:
 
 
 def mapped(mesh: Mesh, move: Callable[[np.ndarray], np.ndarray]) -> Mesh:
-    """The same elements with every node (n, 3) moved."""
+    """Elements with every node (n, 3) moved."""
     return Mesh(move(mesh.nodes), mesh.cells, mesh.kind, mesh.order, mesh.regions, mesh.faces)
 
 
@@ -38,7 +38,7 @@ def tetrahedra(lines: Lines, order: int) -> Mesh:
 
 
 def joined(parts: list[Mesh]) -> Mesh:
-    """One mesh from several whose common nodes lie at the same places."""
+    """Join several meshes whose common nodes coincide."""
     nodes = np.concatenate([part.nodes for part in parts])
     size = np.ptp(nodes, axis=0).max()
     first, label = np.unique(np.round(nodes / size, 9), axis=0, return_index=True, return_inverse=True)[1:]
@@ -77,7 +77,7 @@ def at(mesh: Mesh, axis: int, value: float) -> np.ndarray:
 
 
 def constrained(mesh: Mesh, material: Material, stops: list[tuple[np.ndarray, list[int]]]) -> Pencil:
-    """Pencil of a body whose nodes (masks) are stopped along some axes."""
+    """Pencil of a body whose nodes (masks) are fixed along some axes."""
     free = np.ones((len(mesh.nodes), 3), dtype=bool)
     for nodes, axes in stops:
         free[np.ix_(np.flatnonzero(nodes), axes)] = False

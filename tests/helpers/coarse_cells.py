@@ -1,4 +1,4 @@
-"""Unit cells on the coarsest mesh, for tests of what does not depend on it."""
+"""Unit cells on the coarsest mesh, for tests that do not depend on it."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 
 COARSE = HexSettings(order=3, size_m=4e-3, layers=1, factor=0.15, pillar_size_m=6.3e-3)
-COARSEST = HexSettings(order=3, size_m=4e-3, layers=0, factor=0.15, pillar_size_m=6.3e-3)  # tells no error of its own
+COARSEST = HexSettings(order=3, size_m=4e-3, layers=0, factor=0.15, pillar_size_m=6.3e-3)  # has no error estimate
 COARSEST_PATCH = HexSettings(order=2, size_m=4e-3, layers=1, factor=0.15)
 
 
 class CellsOfTheProcess:
-    """Cells kept in memory, for every test of the process and for no other."""
+    """Cells kept in memory for all tests of this process."""
 
     kept: ClassVar[dict[str, Cell]] = {}
 
@@ -31,14 +31,14 @@ class CellsOfTheProcess:
 
 
 def mesh_coarsest(patch: pytest.MonkeyPatch) -> None:
-    """Every panel and patch of every plate on the fewest elements, and panels kept like any other."""
+    """Mesh every panel and patch with the fewest elements; panels are cached as usual."""
     patch.setattr(mesh_rules, "cell_mesh", lambda design, level: COARSEST)
     patch.setattr(mesh_rules, "Interface", lambda along, through: Interface(along, 2))
     patch.setattr(piezo_patch, "MESH", COARSEST_PATCH)
 
 
 def put_in(patch: pytest.MonkeyPatch, mesh: HexSettings = COARSE) -> None:
-    """Every cell coarse, and none from the disk."""
+    """Make every cell coarse, and load none from the disk."""
     patch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: mesh)
     patch.setattr(mesh_rules, "cell_mesh", lambda design, level: mesh)
     patch.setattr(unit_cell, "CellCache", CellsOfTheProcess)

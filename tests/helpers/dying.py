@@ -1,4 +1,4 @@
-"""Cases of a study one of which kills the process that computes it."""
+"""Cases of a study, one of which ends the process that computes it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.batch import case_study
 
 
 def computer(study: Any) -> Any:
-    """Return what computes a case, in the place of `case_study.computer`."""
+    """Return the function that computes a case instead of `case_study.computer`."""
     return partial(compute, str(study.case_path))
 
 

@@ -45,7 +45,7 @@ MESH = MeshTable(BOX, MEASURED, 1.25, 0.5 * MEASURED[::-1])  # as if it had been
 
 @lru_cache
 def _made(settings: tuple[str, ...]) -> Path:
-    """A folder where the bases of some settings are made once, whichever tests ask."""
+    """Folder in which the bases of some settings are computed once for all tests."""
     folder = tempfile.mkdtemp(prefix="antinode-bases-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
@@ -72,4 +72,4 @@ def served(explorer: Explorer) -> Iterator[Server]:
     try:
         yield server
     finally:
-        server.close()  # the process beside it would keep the interpreter from its end
+        server.close()  # its process would otherwise keep the interpreter from ending

@@ -1,4 +1,4 @@
-"""A board made of a few replies, which a test may spoil, behind a port of bytes or a pseudo-terminal."""
+"""Fake board with a few replies, which a test may spoil, behind a port of bytes or a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def log_frame(payload: bytes = RECORD) -> bytes:
 
 
 class FakePort:
-    """Answers requests; `spoil` turns a sound reply into what goes over the line; `flood` comes whenever nothing else does."""
+    """Board that answers requests; `spoil` alters its replies on the line, and `flood` is sent when there is no reply."""
 
     def __init__(self, spoil: Spoil = encode, status: bytes = STATUS, flood: bytes = b"") -> None:
         self.spoil, self.status, self.flood = spoil, status, flood
@@ -104,7 +104,7 @@ def write_sound(path: Path, samples: list[int], rate_hz: int = 2500, width: int 
 
 @contextmanager
 def pseudo_terminal(board: FakePort) -> Iterator[str]:
-    """The name of a serial port whose other end is the board, moved by a thread."""
+    """Name of a serial port connected to the board, which a thread advances."""
     outer, inner = os.openpty()
     tty.setraw(outer)
     tty.setraw(inner)

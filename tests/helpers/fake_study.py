@@ -1,4 +1,4 @@
-"""A study that computes nothing of physics: what the batch machinery is tested with, as a module and as a script."""
+"""Study without physics, to test the batch machinery, as a module and as a script."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.helpers import synthetic
 
 
 def compute(payload, folder, log):
-    """Write arrays slowly; end as the payload's fate says."""
+    """Write arrays slowly; end according to the payload's fate."""
     with (folder.parent / "starts.txt").open("a") as file:
         file.write(f"{folder.name}\n")
     fate = payload.get("fate", "ok")
@@ -49,12 +49,12 @@ def compute(payload, folder, log):
 
 
 def signals_held_back():
-    """Names of the signals that this process does not get."""
+    """Names of the signals that this process ignores."""
     return {clamped.name for clamped in signal.pthread_sigmask(signal.SIG_BLOCK, [])}
 
 
 class TwoWords(Exception):
-    """Pickled with the one argument that Exception keeps, so that it cannot be made again."""
+    """Exception that cannot be unpickled, because Exception keeps only one of its arguments."""
 
     def __init__(self, one: str, other: str) -> None:
         super().__init__(f"{one} {other}")
@@ -77,7 +77,7 @@ def jobs(count, seconds=0.02, fates=None):
 
 
 def main() -> int:
-    """Run as `antinode run` would."""
+    """Run the study like `antinode run`."""
     from pipeline.questions import study as asked  # its measures load scipy, which no worker here needs
 
     parser = argparse.ArgumentParser()

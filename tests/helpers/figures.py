@@ -1,4 +1,4 @@
-"""Figures as they are before they become files: what a test can look at."""
+"""Figures before they become files, for tests to inspect."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.plots import style
 
 
 def collected(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
-    """Name and figure of everything that is saved from now on."""
+    """Collect name and figure of everything saved from now on."""
     figures: list[tuple[str, Any]] = []
     save = style.save
 
@@ -25,7 +25,7 @@ def collected(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
 
 
 def assert_labelled_with_data(name: str, figure: Any) -> None:
-    """Every pair of axes shows finite data that differ, and the figure names its quantities."""
+    """Check that all axes show finite, varying data, and that the figure labels its quantities."""
     assert any(axes.get_xlabel() for axes in figure.axes) and any(axes.get_ylabel() for axes in figure.axes), name
     for axes in figure.axes:
         values = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines]

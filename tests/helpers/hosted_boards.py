@@ -1,4 +1,4 @@
-"""The firmware's applications on this machine as tests drive them, against a plate or beam in Python or on the rig in C."""
+"""Firmware applications compiled for this machine, driven by tests with a plate or beam in Python, or on the rig in C."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from firmware.host import Supervised, load
 
 
 class Orders(Supervised):
-    """The orders that anybody may give an application of either build."""
+    """Commands common to the applications of both builds."""
 
     ffi: Any
     lib: Any
@@ -33,7 +33,7 @@ class Orders(Supervised):
 
     @cached_property
     def base(self) -> Any:
-        """What both builds have, for calls."""
+        """State common to both builds, for calls."""
         return self.ffi.addressof(self.app, "base")
 
     def poll(self) -> None:
@@ -41,15 +41,15 @@ class Orders(Supervised):
         self.lib.an_application_poll(self.base, self.build)
 
     def stop(self) -> None:
-        """Back to rest."""
+        """Return to rest."""
         self.lib.an_application_stop(self.base)
 
     def clear(self) -> bool:
-        """Leaves the fault state; false when it may not be left."""
+        """Leave the fault state; false if that is not allowed."""
         return bool(self.lib.an_application_clear(self.base, self.build))
 
     def identify(self) -> bool:
-        """Measures the plate anew."""
+        """Measure the plate again."""
         return bool(self.lib.an_application_identify(self.base, self.build))
 
 
@@ -67,12 +67,12 @@ class Hosted(Orders):
         raise NotImplementedError
 
     def run(self, seconds: float) -> None:
-        """Advances by a time."""
+        """Advance by a time."""
         for _ in range(round(seconds * self.sample_rate_hz)):
             self.tick()
 
     def run_while(self, state: int, seconds: float) -> float:
-        """Advances while the application stays in a state, at most so long; returns the time that passed."""
+        """Advance while the application stays in a state, up to a limit; returns the time that passed."""
         ticks = 0
         while self.state == state and ticks < round(seconds * self.sample_rate_hz):
             self.tick()
@@ -81,7 +81,7 @@ class Hosted(Orders):
 
 
 class HostedSingle(Hosted):
-    """an_single and a plate in lock step: run(ticks) advances both, reports holds (measured, drive, reference) a window."""
+    """an_single and a plate in lock step: run(ticks) advances both; reports holds (measured, drive, reference) per window."""
 
     def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0, flags: tuple[str, ...] = ()) -> None:
         super().__init__("an_single", "an_single_build", plate.sample_rate_hz, flags)
@@ -114,16 +114,16 @@ class HostedSingle(Hosted):
             self.reports.append((_complex(view.measured), _complex(view.drive), view.reference))
 
     def sense(self) -> float:
-        """What reaches the converter; a test may put a broken sensor here."""
+        """Signal at the converter; a test may replace it by a broken sensor."""
         return self.plate.sense()
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> bool:
-        """Starts as the application's user would."""
+        """Start the application."""
         return self.lib.an_single_start(self.app, reference, detuning_hz)
 
     @property
     def gain(self) -> complex:
-        """The gain the application works with."""
+        """Gain that the application uses."""
         return _complex(self.app.mode.gain)
 
 
@@ -160,14 +160,14 @@ class HostedSix(SixView, Hosted):
 
 
 class Rig(Orders, SingleRig):
-    """The rig with orders, a finger, and a way back to a saved moment."""
+    """Rig with commands, a finger, and saved states."""
 
     def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0) -> None:
         super().__init__(table, plate, seed, faults)
         self.build = self.ffi.addressof(self.lib, "an_single_build")
 
     def touch(self, quality_factor_share: float, shift_hz: float, first: Plate) -> None:
-        """The plate under a finger: the first resonance of a plate damped and shifted, force and mass as they were."""
+        """Put a finger on the plate: its first resonance is damped and shifted, force and mass stay."""
         mode = first.resonances[0]
         touched = replace(
             mode,
@@ -178,7 +178,7 @@ class Rig(Orders, SingleRig):
         self.set_plate(replace(first, resonances=(touched, *first.resonances[1:])))
 
     def run_while(self, state: int, seconds: float, every_s: float = 2e-3) -> float:
-        """Advances while the application stays in a state, at most so long; returns the time that passed."""
+        """Advance while the application stays in a state, up to a limit; returns the time that passed."""
         elapsed_s = 0.0
         while elapsed_s < seconds and self.state == state:
             self.run(every_s)
@@ -186,20 +186,20 @@ class Rig(Orders, SingleRig):
         return elapsed_s
 
     def set_reference(self, reference: float) -> None:
-        """A new reference while running."""
+        """Set a new reference while running."""
         self.lib.an_single_set_reference(self.pointer, reference)
 
     @property
     def frequency_hz(self) -> float:
-        """The resonance as the application sees it now."""
+        """Resonance currently estimated by the application."""
         return float(self.lib.an_single_frequency(self.pointer))
 
 
 def save(rig: SingleRig) -> bytes:
-    """Everything, to be brought back by restore."""
+    """Save the whole state for `restore`."""
     return bytes(rig.ffi.buffer(rig.rig))
 
 
 def restore(rig: SingleRig, saved: bytes) -> None:
-    """Back to a saved moment."""
+    """Restore a saved state."""
     rig.ffi.buffer(rig.rig)[:] = saved

@@ -1,4 +1,4 @@
-"""A cache of matrices in memory, as those between runs are on disk."""
+"""Matrix cache in memory instead of on disk."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ import numpy as np
 
 
 class KeptMatrices(dict[str, np.ndarray]):
-    """Matrices by key; `len` says how many were kept."""
+    """Matrices by key; `len` is their number."""
 
     put = dict.__setitem__

@@ -1,4 +1,4 @@
-"""The exact waves of a bare plate seen as a lattice: Lamb's and the horizontally polarised shear wave, folded."""
+"""Exact waves of a bare plate treated as a lattice: folded Lamb and horizontally polarised shear waves."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def shear_hz(wavenumber_per_m: float, material: Material) -> float:
 def folded_hz(
     wavevector: FloatArray, lattice: Lattice, thickness_m: float, material: Material, count: int
 ) -> FloatArray:
-    """The `count` lowest waves of the bare plate seen as a lattice: A0, S0 and SH0 at k + G, Hz.
+    """The `count` lowest waves of the bare plate treated as a lattice: A0, S0 and SH0 at k + G, Hz.
 
     SolverError above 0.9 of the first thickness-shear cut-off, where higher waves would have to be counted.
     """

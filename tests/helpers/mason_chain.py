@@ -1,4 +1,4 @@
-"""Mason's line by chain matrices multiplied from end to end: a second way to every force and velocity."""
+"""Mason's line by chain matrices multiplied from end to end: an independent solution for forces and velocities."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from solvers.thesis.circuit import Line, LineResponse
 
 
 def chain_response(line: Line, omega: FloatArray) -> LineResponse:
-    """Velocities and forces of a driven line from right to left: the thesis' way, with every sign put right.
+    """Velocities and forces of a driven line from right to left, as in the thesis but with corrected signs.
 
     A filter multiplies by [[1, 1/Y], [0, 1]] and must not be lossless at its own frequency.
     """
@@ -35,7 +35,7 @@ def chain_response(line: Line, omega: FloatArray) -> LineResponse:
 
 
 def absorbed_power_w(line: Line, response: LineResponse, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean power given by the sources and taken by the filters' resistors, each shape (n,), W; amplitudes are peak."""
+    """Mean power of the sources and of the filters' resistors, each shape (n,), W; amplitudes are peaks."""
     w = np.atleast_1d(omega)
     into = response.currents[:, :-1] - response.currents[:, 1:]
     given = -0.5 * np.real(np.sum(np.array(line.sources) * into.conj(), axis=1))

@@ -11,7 +11,7 @@ from geometry.mesh import AnyMesh
 
 
 def load(file: str, unit: str = "m") -> AnyMesh:
-    """The mesh of a file in our order, m."""
+    """The mesh of a file in our node order, m."""
     return read_mesh(file, unit).mesh
 
 

@@ -56,7 +56,7 @@ def elastic_layer(material: Material, low_m: float, high_m: float) -> Layer:
 
 
 def piezo_layer(material: PiezoMaterial, low_m: float, high_m: float) -> Layer:
-    """A layer poled along z and electroded on both faces, free to swell along z. Source: ieee176."""
+    """A layer poled along z and electroded on both faces, free to expand along z. Source: ieee176."""
     charge = material.charge_m_v[2, :2]
     stiffness: FloatArray = np.asarray(np.linalg.inv(material.compliance_pa[:2, :2]), dtype=np.float64)
     stress = stiffness @ charge
@@ -106,7 +106,7 @@ def cantilever_hz(section: Section, length_m: float, number: int, is_open: bool)
 
 
 def free_even_hz(section: Section, length_m: float, number: int, is_open: bool) -> float:
-    """Even mode `number` (from 1) of a beam free at both ends, h = k/2: odd ones have [w'] = 0 and know no circuit.
+    """Even mode `number` (from 1) of a beam free at both ends, h = k/2: odd ones have [w'] = 0 and ignore the circuit.
 
     EI k (tan h + tanh h) + 4 (tau^2/c) tan h tanh h = 0, times cos h; short: tau = 0.
     """
@@ -131,7 +131,7 @@ def _free(k: float, share: float) -> float:
 
 
 def _open_root(section: Section, equation: Callable[[float, float], float], low: float, high: float) -> float:
-    """The open mode between a short one and the next: one voltage more is one constraint less."""
+    """The open mode between two consecutive short ones: a free voltage removes one constraint."""
     share = section.moment_n_m_v**2 / (section.capacitance_f_m * section.bending_n_m2)
     hair = 1e-9 * (high - low)  # below the short root, where a coupling lost in rounding leaves the open one
     return float(brentq(equation, low - hair, high - hair, args=(share,), xtol=1e-13))

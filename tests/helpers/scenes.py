@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-# two patches drive, the third listens
+# two patches drive, the third senses
 THREE_PATCHES = """name = "small"
 material = "aluminium"
 [plate]
@@ -22,7 +22,7 @@ centres_mm = [[-7.5, 0.0], [7.5, 0.0], [12.0, 1.0]]
 sensors = [2]
 """
 
-# what goes to other programs: pillars of another material than the plate
+# for export to other programs: pillars of a different material than the plate
 STEEL_PILLARS: dict[str, Any] = {
     "name": "small",
     "material": "aluminium",

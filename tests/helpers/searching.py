@@ -1,4 +1,4 @@
-"""Spaces and results of searches as the command makes them."""
+"""Search spaces and results as the command creates them."""
 
 from __future__ import annotations
 

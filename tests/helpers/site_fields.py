@@ -1,4 +1,4 @@
-"""What the documentation site says of the commands' JSON documents, held against documents."""
+"""Checks of the documentation of the commands' JSON documents against real documents."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ EVERY = {"schema", "case", "with_defaults", "version", "seconds", "kind", "optio
 
 @cache
 def documents() -> dict[str, dict[str, str]]:
-    """Meanings of the fields that a command's document has beside, or in place of, a part of records."""
+    """Meanings of the fields that a command's document has in addition to, or instead of, a part of records."""
     fields: dict[str, dict[str, str]] = tomllib.loads(FIELDS.read_text(encoding="utf-8"))["documents"]
     return fields
 
 
 def differing(command: str, document: dict[str, Any]) -> list[str]:
-    """Fields of a document that its page has not, or the other way round, and names within one that its text has not.
+    """Fields missing from a document's page or from the document, and names within a field missing from its text.
 
     Names with a space are of things, as `pair at 3000 Hz`.
     """
@@ -36,7 +36,7 @@ def differing(command: str, document: dict[str, Any]) -> list[str]:
 
 
 def _is_declared(kind: type[Part], name: str) -> bool:
-    """Whether a field holds parts, which say themselves what their fields mean."""
+    """Whether a field holds parts, which describe their own fields."""
     held = part_of(kind, name)
     return isinstance(held, type) and issubclass(held, Part)
 

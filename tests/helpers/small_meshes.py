@@ -13,13 +13,13 @@ EDGES_M = (2.0e-3, 1.5e-3, 1.1e-3)
 
 
 def hexes(order: int, cuts: tuple[int, int, int] = (2, 2, 2), edges: tuple[float, ...] = EDGES_M) -> Mesh:
-    """A box cut unevenly into hexahedra, kept as boxes along the axes."""
+    """A box divided unevenly into hexahedra that are boxes along the axes."""
     lines = [edge * np.linspace(0.0, 1.0, n + 1) ** 1.2 for edge, n in zip(edges, cuts, strict=True)]
     return hex_mesh(Boxes(*lines, np.zeros(cuts, dtype=np.int64), ("body",)), order)
 
 
 def plain(mesh: Mesh, nodes: np.ndarray | None = None) -> Mesh:
-    """The same mesh without the promise that its elements are boxes."""
+    """The mesh without the flag that its elements are boxes."""
     return Mesh(mesh.nodes if nodes is None else nodes, mesh.cells, mesh.kind, mesh.order, mesh.regions, mesh.faces)
 
 
@@ -40,7 +40,7 @@ def distorted(order: int = 2, amount: float = 0.04) -> Mesh:
 
 
 def skewed(order: int) -> Mesh:
-    """The distorted hexahedra of order 1 with the nodes of a higher one: what p + 1 Gauss points integrate exactly."""
+    """Distorted hexahedra of order 1 with the nodes of a higher order, which p + 1 Gauss points integrate exactly."""
     corners, mesh = distorted(1), hexes(order)
     value, _ = corners.element.shape(mesh.element.points)
     nodes = mesh.nodes.copy()

@@ -1,4 +1,4 @@
-"""Records that look like a study's but were never computed: closed-form fields on box skins, for testing pictures and pages."""
+"""Synthetic records of a study, with closed-form fields on box skins, for tests of pictures and pages."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def shapes(shape: DesignRecord, level_db: float) -> dict[str, np.ndarray]:
 
 
 def bands(pitch: float, points: int = 25) -> BandsResult:
-    """A dispersion diagram of ten made-up bands with a gap between the sixth and the seventh."""
+    """A dispersion diagram of ten synthetic bands with a gap between the sixth and the seventh."""
     corner = np.pi / pitch
     stops = [("G", 0.0, 0.0), ("X", corner, 0.0), ("M", corner, corner), ("G", 0.0, 0.0)]
     rows = []
@@ -198,7 +198,7 @@ def bands(pitch: float, points: int = 25) -> BandsResult:
 
 
 def tet_bands(ours: BandsResult) -> BandsResult:
-    """The labelled points by another mesh, 0.3 % higher."""
+    """Bands at the labelled points from another mesh, 0.3 % higher."""
     points = [
         replace(point, frequencies_hz=[f * 1.003 for f in point.frequencies_hz])
         for point in [point for point in ours.points if point.label][:3]
@@ -207,7 +207,7 @@ def tet_bands(ours: BandsResult) -> BandsResult:
 
 
 def attenuation(rows: int) -> AttenuationResult:
-    """Invented complex bands: a stop band round 33 kHz."""
+    """Synthetic complex bands with a stop band around 33 kHz."""
     points = []
     for frequency in np.linspace(25e3, 45e3, 21):
         decay = max(0.0, 6.0 - abs(frequency - 33e3) / 1e3)
@@ -223,7 +223,7 @@ def attenuation(rows: int) -> AttenuationResult:
 
 
 def prediction(rows: int, level_db: float | None) -> PredictionResult:
-    """What the rows were said to do."""
+    """Synthetic transmission of the rows."""
     text = {"frequency_hz": 31500.0, "db_per_row": 4.5, "rows_db": 4.5 * rows, "transmission_db": 5.0 * rows}
     return PredictionResult(**text, zone_to_extension_db=level_db, rows_needed=3)
 
@@ -236,7 +236,7 @@ def peak(frequency_hz: float, level_db: float | None, zone_rms: float = 3e-8) ->
 
 
 def response(level_db: float | None) -> ResponseResult:
-    """An invented resonance at 31.5 kHz with one sensor."""
+    """A synthetic resonance at 31.5 kHz with one sensor."""
     tone = np.linspace(28e3, 35e3, 141)
     motion = 3e-8 / np.abs(1.0 - (tone / 31500.0) ** 2 + 1j / 300.0) / 300.0
     heard = 1.0 / (1.0 - (tone / 31500.0) ** 2 + 1j / 300.0) / 300.0
@@ -262,13 +262,13 @@ def response(level_db: float | None) -> ResponseResult:
 
 
 def board() -> BoardResult:
-    """An invented step of an emulated board."""
+    """A synthetic step response of an emulated board."""
     loop = {"compiler": "none", "swept": True, "frequency_hz": 31500.0, "tau_s": 3e-3, "gain": (0.0, -0.8)}
     return BoardResult(**loop, delay_s=2e-6, reference=0.16, t95_s=1.7e-3, overshoot=0.01)
 
 
 def board_arrays() -> dict[str, np.ndarray]:
-    """Its columns: a first-order rise."""
+    """Columns of the step response: a first-order rise."""
     time = 2e-4 * np.arange(-10, 75)
     size = 0.16 * (1.0 - np.exp(-np.maximum(time, 0.0) / 0.53e-3))
     columns = {"time_s": time, "reference": 0.16 * (time >= 0.0), "u_d": size, "u_q": 0.002 * np.sin(1e4 * time)}
@@ -289,12 +289,12 @@ def mode(frequency_hz: float, **more: Any) -> ModeRecord:
 
 
 def count(expected: int, result: int) -> CountRecord:
-    """A count by inertia."""
+    """An inertia count."""
     return CountRecord(low_hz=25e3, high_hz=45e3, expected=expected, found=result)
 
 
 def target(level_db: float | None, frequency_hz: float = 31500.0, **more: Any) -> TargetMode:
-    """A target mode, confined by so much."""
+    """A target mode with a given confinement."""
     rival = RivalRecord(frequency_hz=27300.0, strength=0.08, mac=0.9, confinement_db=3.0)
     own = {"status": "single", "mac": 0.93, "strength": 0.3, "zone_share": 0.82, "share": 0.7, "rivals": [rival]}
     return TargetMode(frequency_hz=frequency_hz, confinement_db=level_db, **{**own, **more})
@@ -360,7 +360,7 @@ def record(case_id: str, sweep: dict[str, Any], shape: DesignRecord, level_db: f
             relative_difference=6e-4,
             count_check=count(1, 1),
         ),
-        left_out=["patches: no response is asked", "mirror halves: the plate is symmetric in x and y"],
+        left_out=["patches: no response is requested", "mirror halves: the plate is symmetric in x and y"],
         bands=waves,
         tet_bands=tet_bands(waves),
         attenuation=attenuation(shape.rows),
@@ -371,7 +371,7 @@ def record(case_id: str, sweep: dict[str, Any], shape: DesignRecord, level_db: f
 
 
 def put_case(study: Path, case_id: str, sweep: dict, rows: int, pitch: float, level_db: float) -> dict:
-    """Store one invented case."""
+    """Store one synthetic case."""
     shape = design(rows, pitch, 0.005)
     folder = study / case_id
     store.begin(folder, {"name": case_id, "design": {**shape.to_dict(), "material": ALUMINIUM}})
@@ -405,7 +405,7 @@ def record_of(folder: Path) -> Record:
 
 
 def put_study(study: Path, pitches: tuple[float, ...] = (0.004, 0.006), rows: tuple[int, ...] = (1, 2)) -> Path:
-    """Store an invented study: a grid of pitch and rows, and a case that failed."""
+    """Store a synthetic study: a grid of pitch and rows, and a case that failed."""
     listed = []
     for pitch in pitches:
         for count in rows:

@@ -1,4 +1,4 @@
-"""How the mass of the plate is shared out along the zone: a question in a module of its own, as anyone may write one."""
+"""Distribution of the plate's mass along the zone: an example of a question in a module of its own."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class MassResult(Result, axes=("strip",)):
 
 
 class Mass(Question[MassResult], needs=("plate", "zone"), example="mass examples/small.toml --strips 3", is_quick=True):
-    """Share out the mass of the plate beneath the zone."""
+    """Divide the mass of the plate beneath the zone into strips."""
 
     strips: int = option(default=4, at_least=1, at_most=100, help="number of strips")
 

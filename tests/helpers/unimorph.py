@@ -15,7 +15,7 @@ STEEL_LIKE = Material.isotropic("substructure", 100e9, 7165.0, 0.0)
 
 @dataclass(frozen=True)
 class Uniaxial(PiezoMaterial):
-    """A ceramic that a field shortens along x alone."""
+    """A ceramic that a field shortens along x only."""
 
     @property
     def charge_m_v(self) -> np.ndarray:
@@ -25,7 +25,7 @@ class Uniaxial(PiezoMaterial):
         return d
 
 
-# erturk2008: 100 x 20 mm, 0.5 mm of a metal under 0.4 mm of a ceramic; Poisson's ratios are 0 in a beam's eyes.
+# erturk2008: 100 x 20 mm, 0.5 mm of a metal under 0.4 mm of a ceramic; beam theory corresponds to Poisson's ratios of 0.
 CERAMIC = Uniaxial(
     "published", 7800.0, 1 / YOUNG_PA, 0.0, 0.0, 1 / YOUNG_PA, 2 / YOUNG_PA, D31, 0.0, 0.0, 1e3,
     (HELD_F_M + D31**2 * YOUNG_PA) / VACUUM_F_M, "erturk2008",

@@ -1,4 +1,4 @@
-"""A small plate's modes by reduced cells and by the whole solid mesh, each with its own stated error."""
+"""Modes of a small plate from reduced cells and from the whole solid mesh, each with its own error bars."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.planning.model_choice import Request
 
 
 def check_within_both_bars(raw: dict[str, Any], band_hz: tuple[float, float], symmetry: str = "SS") -> None:
-    """As many modes in a band, each within the sum of both bars, which are below 3 %."""
+    """Check that both models have equally many modes in a band, each within the sum of both errors, which are below 3 %."""
     query = Request("plate", band_hz=band_hz, symmetry=symmetry, search=False)
     ours, theirs = (
         solve_modes(case_from_dict(raw, None, [("solve.model", model)]), query, TerminalLog(True)).rows

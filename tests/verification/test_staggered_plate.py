@@ -20,9 +20,9 @@ from pipeline.logs import TerminalLog
 from pipeline.models.bands import row_cell
 from pipeline.models.broadband import broadband
 from pipeline.models.modes import solve_modes
-from pipeline.planning.foresight import pillar_count
 from pipeline.planning.mesh_rules import lattice_reduction
 from pipeline.planning.model_choice import Request
+from pipeline.planning.resource_estimate import pillar_count
 from pipeline.questions.broadband import BroadbandResult
 from pipeline.records.record import DesignRecord
 from pipeline.search.terms import mass_kg

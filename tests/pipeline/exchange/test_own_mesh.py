@@ -126,8 +126,8 @@ def test_gmsh_files_in_millimetres_give_the_frequencies_of_our_mesh(
 @pytest.mark.parametrize(
     ("scale", "unit", "said"),
     [
-        (1e3, "m", "6000 mm long as read in m, the case's lengths run from 2 to 20 mm: with --unit mm it"),
-        (1.0, "mm", "0.006 mm long as read in mm, the case's lengths run from 2 to 20 mm: with --unit m it"),
+        (1e3, "m", "6000 mm long in m, the case's lengths range from 2 to 20 mm: with --unit mm it"),
+        (1.0, "mm", "0.006 mm long in mm, the case's lengths range from 2 to 20 mm: with --unit m it"),
         (1.0, "m", None),
     ],
 )

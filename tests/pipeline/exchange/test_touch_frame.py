@@ -115,7 +115,7 @@ def test_a_touch_face_that_does_not_hold_the_zone_is_refused(
     mesh = plate()
     assert run(mesh, change(mesh.nodes), tmp_path) == 2
     (line,) = [text for text in capsys.readouterr().err.splitlines() if text]
-    assert "own.msh: group TOUCH " in line and said in line and "have another name" in line
+    assert "own.msh: group TOUCH " in line and said in line and "rename the group" in line
 
 
 def test_a_face_within_a_percent_of_the_length_serves(tmp_path: Path) -> None:

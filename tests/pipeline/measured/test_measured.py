@@ -100,7 +100,7 @@ BAD_SWEEPS = [
     ("\n".join([*LINES[:4], "30030,nan,1"]), ["line 5", "column real", "finite number"]),
     ("\n".join([*LINES[:4], "30030,1"]), ["line 5", "2 values", "must be 3"]),
     ("\n".join([*LINES[:4], "-3,1,1"]), ["line 5", "column frequency_Hz", "above 0"]),
-    ("# note\n" + "\n".join([*LINES, LINES[3]]), ["line 12", "column frequency_Hz", "stands in line 5 already"]),
+    ("# note\n" + "\n".join([*LINES, LINES[3]]), ["line 12", "column frequency_Hz", "repeats the frequency of line 5"]),
     ("\n".join(LINES[:4]), ["3 frequencies", "at least 8"]),
     (WRITTEN["degrees"] + "30200,-1,0\n", ["line 11", "column amplitude", "0 or more"]),
 ]  # fmt: skip
@@ -144,7 +144,7 @@ BAD_MAPS = [
     ("x_mm,real,imag\n0,1,1\n", ["line 1", "y_mm or y_m"]),
     ("x_mm,y_mm,real,imag\n0,0,1,1\n31,0,1,1\n", ["line 3", "column x_mm", "-30 to 30 mm"]),
     ("x_mm,y_mm,real,imag\n0,0,1,1\n0,-23,1,1\n", ["line 3", "column y_mm", "-22 to 22 mm"]),
-    ("x_mm,y_mm,real,imag\n0,0,1,1\n1,1,1,1\n0,0.0,1,1\n", ["line 4", "column x_mm", "stands in line 2 already"]),
+    ("x_mm,y_mm,real,imag\n0,0,1,1\n1,1,1,1\n0,0.0,1,1\n", ["line 4", "column x_mm", "repeats the point of line 2"]),
 ]
 
 
@@ -166,11 +166,11 @@ HIGH = "frequency_MHz,amplitude,phase_deg\n" + rows(np.multiply(TONES, 1e6), np.
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (UNDRIVEN, "every value is 0: nothing was measured"),
+        (UNDRIVEN, "every value is 0, must hold a measurement"),
         (LOUD, "line 2, column amplitude = "),
         (DEAFENING, "must be from -600 to 600 dB"),
         (HIGH, "must be from 1e-06 to 1e+06 kHz"),
-        ("frequency_Hz,real,imag\n1,2," + "9" * 131_073 + "\n", "is no CSV"),
+        ("frequency_Hz,real,imag\n1,2," + "9" * 131_073 + "\n", "is not valid CSV"),
     ],
     ids=["silent", "loud", "decibels", "frequency", "cell"],
 )

@@ -138,8 +138,8 @@ def test_a_case_may_name_its_measurements(
 @pytest.mark.parametrize(
     ("error", "words"),
     [
-        (8e-4, ("computed 30.000 kHz: shift +0 ± 24 Hz (+0.00 %), the model may be off by 0.080 %",)),
-        (None, ("computed 30.0 kHz: shift -0.0100 Hz (-3.34e-05 %), ", "error is not known")),
+        (8e-4, ("computed 30.000 kHz, shift +0 ± 24 Hz (+0.00 %) (error of the model: 0.080 %)",)),
+        (None, ("computed 30.0 kHz, shift -0.0100 Hz (-3.34e-05 %) ", "error of the model: unknown")),
     ],
 )
 def test_beside_the_shift_stands_what_the_model_may_be_off_by(error: float | None, words: tuple[str, ...]) -> None:

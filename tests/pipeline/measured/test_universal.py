@@ -99,5 +99,5 @@ def test_five_thousand_mutants_end_well(tmp_path: Path) -> None:
 def test_motion_in_the_plane_alone_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path / "map.uff", [[1], [2]] * 3)
     for read in (read_sweep, lambda place: read_field(place, load_case(SMALL).design)):
-        with pytest.raises(InputError, match="responses along x, y alone: must have some along z"):
+        with pytest.raises(InputError, match="responses along x, y only: must have some along z"):
             read(path)

@@ -115,7 +115,7 @@ def test_what_is_converted_has_the_digits_of_its_bar() -> None:
     still = Transmission(reflected=0.1, flexural=0.9, shear=0.0, longitudinal=0.0)
     attenuation._log_converted([replace(points[0], transmission=still)], 237.35, shares, 0.01, log)
     assert "at most 12.34 ± 0.04 % of" in log.facts[0] and "at most 12.3 % of" in log.facts[1]
-    assert "at kx = 237.35 rad/m" in log.facts[2] and "nothing is converted" in log.facts[2]
+    assert "at kx = 237.35 rad/m" in log.facts[2] and "in-plane conversion: none" in log.facts[2]
 
 
 def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None:

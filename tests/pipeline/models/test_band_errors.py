@@ -45,7 +45,7 @@ def test_the_widest_bar_is_named_with_its_largest_part() -> None:
     mesh, truncation = np.full((9, 2), 1e-3), np.full((9, 2), 2e-3)
     truncation[8, 1] = 1e-2
     widest = bands.widest(PATH, mesh, truncation)
-    assert widest.text() == "error of a frequency: 1.1 % at most (band 2 at M): 1.0 % truncation, 0.10 % mesh"
+    assert widest.text() == "error of any frequency: at most 1.1 % (band 2 at M: 1.0 % truncation, 0.10 % mesh)"
     assert widest.largest_part == "truncation" and widest.to_dict()["error"] == pytest.approx(0.011)
     mesh[0, 0] = np.nan
     assert bands.widest(PATH, mesh, truncation).error is None

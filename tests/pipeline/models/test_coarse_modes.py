@@ -34,7 +34,7 @@ def test_the_mesh_is_made_for_the_highest_mode_at_once_and_each_class_is_solved_
     highest = modes_of(ZONE, log)[-1][1]
     assert coarse and 0.999 * highest <= coarse.highest_hz <= 1.02 * (1.0 + OFF) * highest
     assert sum(coarse.counts.values()) < 2 * (ZONE.count or 0)
-    assert any("finer ones" in fact for fact in log.facts)
+    assert any("from the calibration" in fact for fact in log.facts)
     assert len([fact for fact in log.facts if fact.startswith("class ")]) == 4
 
 

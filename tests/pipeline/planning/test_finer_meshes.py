@@ -8,10 +8,10 @@ import pytest
 from geometry.errors import MeshError
 from pipeline.case.model import Case, case_from_dict
 from pipeline.models import modes
-from pipeline.planning import foresight, mesh_rules, refinement
+from pipeline.planning import mesh_rules, refinement, resource_estimate
 from pipeline.planning.model_choice import ModelChoice, Request, cell_model_choice, model_choice_of
 from pipeline.planning.refinement import EDGE_RATE, SHORTER, finer_mesh
-from pipeline.planning.resources import Demand
+from pipeline.planning.resources import ResourceEstimate
 from pipeline.questions.bands import Bands
 from solvers.accuracy.calibration import MeshLevel
 from solvers.errors import SolverError
@@ -61,8 +61,10 @@ def test_each_part_has_a_next_mesh_level_until_the_finest(part: str, model: str)
 def _dofs(part: str, scene: Case, choice: ModelChoice) -> float:
     if part == "cell" or choice.reduction:
         assert choice.hexahedra
-        return foresight.of_boxes(foresight.cell_scene(scene.design, choice.hexahedra), choice.hexahedra.order).dofs
-    return foresight.whole_mesh(scene, choice).dofs
+        return resource_estimate.of_boxes(
+            resource_estimate.cell_scene(scene.design, choice.hexahedra), choice.hexahedra.order
+        ).dofs
+    return resource_estimate.whole_mesh(scene, choice).dofs
 
 
 def test_a_mesh_level_that_has_no_more_elements_is_passed_over() -> None:
@@ -80,7 +82,7 @@ def test_a_mesh_level_that_has_no_more_elements_is_passed_over() -> None:
     assert len(demand.finer_bytes) == 1
     first, log = cell_model_choice(scene), RecordingLog()
     finer = finer_mesh(first, 0.031, 0.0, scene, log)
-    assert finer and foresight.cell_dofs(scene.design, finer) > foresight.cell_dofs(scene.design, first)
+    assert finer and resource_estimate.cell_dofs(scene.design, finer) > resource_estimate.cell_dofs(scene.design, first)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +105,7 @@ def test_edges_of_tetrahedra_shrink_with_what_is_left_to_the_mesh() -> None:
     ]
     assert factors == sorted(factors, reverse=True) and factors[0] <= SHORTER[1] and factors[-1] == SHORTER[0]
     assert 0.013 * factors[1] ** EDGE_RATE < 0.01 and 0.013 * factors[2] ** EDGE_RATE < 0.008
-    assert "its stresses" in log.facts[0]
+    assert "stress recovery" in log.facts[0]
 
 
 @pytest.fixture
@@ -127,10 +129,10 @@ def test_a_whole_cell_that_misses_is_meshed_anew() -> None:
 
 @pytest.mark.usefixtures("two_levels")
 def test_a_mesh_that_memory_does_not_hold_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(foresight, "too_much", lambda demand: "needs more than there is")
+    monkeypatch.setattr(resource_estimate, "shortfall", lambda demand: "needs more than there is")
     log = RecordingLog()
     result = solve_bands(case(0.002, model="solid"), log)
-    assert result.model == "solid hex2" and "no finer mesh: it needs more than there is" in log.facts
+    assert result.model == "solid hex2" and "finer mesh skipped: it needs more than there is" in log.facts
     assert result.expected_error and result.expected_error > 0.002  # and is told
 
 
@@ -145,13 +147,13 @@ def test_a_mesh_that_cannot_be_had_leaves_what_the_one_before_it_gave(failing: i
             raise fault("the mesh holds no more")
         return choice.mesh
 
-    def demand(choice: ModelChoice) -> Demand:
-        return foresight.of_modes(scene, choice, Request("zone", near_hz=30e3, count=2, search=False))
+    def demand(choice: ModelChoice) -> ResourceEstimate:
+        return resource_estimate.of_modes(scene, choice, Request("zone", near_hz=30e3, count=2, search=False))
 
     first = start, start.mesh
     choice, kept = refinement.on_finer_meshes(first, lambda mesh: (0.02, 0.0), build, demand, scene, log)
     assert len(built) == failing and kept == choice.mesh == [start.mesh, *built][-2]
-    assert "no mesh level higher: the mesh holds no more" in log.facts
+    assert "refinement stopped: the mesh holds no more" in log.facts
 
 
 @pytest.mark.usefixtures("two_levels")

@@ -23,9 +23,9 @@ from pipeline.logs import RunLog, TerminalLog
 from pipeline.models.unit_cell import MARGIN, _Pilot, _piloted
 from pipeline.paths import ROOT
 from pipeline.planning import plan
-from pipeline.planning.foresight import _cell_changes
 from pipeline.planning.model_choice import ModelChoice, Request, cell_model_choice
-from pipeline.planning.resources import GIB, MEMORY_RANGE, too_much
+from pipeline.planning.resource_estimate import _cell_changes
+from pipeline.planning.resources import GIB, MEMORY_RANGE, shortfall
 from pipeline.questions.bands import Bands
 from solvers import machine
 from solvers.errors import OutOfMemory
@@ -74,7 +74,7 @@ def test_what_cannot_fit_is_refused_before_anything_is_meshed(
     # a tenth of it on an idle machine: nothing may grow with the scene but the coarse solve of a cell with its bands
     assert time.process_time() - begin < (15.0 if name == "soft pillar" else 3.0)
     (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("antinode: ")]
-    assert "GiB of memory" in line and "16 GiB are available: " in line and "solve.accuracy" in line
+    assert "GiB of memory" in line and "only 16 GiB is available: " in line and "solve.accuracy" in line
 
 
 RUBBER = {"young_GPa": 1.175e-4, "poisson": 0.46875, "density_kg_m3": 1300.0}
@@ -93,7 +93,7 @@ def test_stubs_wider_than_high_are_not_refused(monkeypatch: pytest.MonkeyPatch) 
     """A beam of their height would put the sixteenth band three times too high, and thirty times as many modes below it."""
     monkeypatch.setenv(machine.STATED, "4")
     (demand,) = Bands().plan(case_from_dict(SQUAT)).demands.values()
-    assert too_much(demand) is None and demand.functions and demand.functions < 600
+    assert shortfall(demand) is None and demand.functions and demand.functions < 600
     assert list(demand.finer_bytes) == sorted(demand.finer_bytes) and len(demand.finer_bytes) == 2
 
 
@@ -142,8 +142,8 @@ def solid(case: Case) -> ModelChoice:
 def test_the_line_names_what_helps_most(sixteen_gib: None, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*TOO_LARGE["solid at 1e-4"]]) == main([*TOO_LARGE["count"]]) == 2
     solid, count = (line for line in capsys.readouterr().err.splitlines() if line.startswith("antinode: "))
-    assert 'take solve.model = "superelement"' in solid
-    assert "ask for fewer modes (a lower count)" in count
+    assert 'set solve.model = "superelement"' in solid
+    assert "request fewer modes (a lower count)" in count
 
 
 def test_explain_tells_memory_degrees_of_freedom_modes_and_time(
@@ -152,10 +152,10 @@ def test_explain_tells_memory_degrees_of_freedom_modes_and_time(
     assert main([*TOO_LARGE["forty lines"], "--explain"]) == 0
     text = capsys.readouterr().out
     for words in (
-        "foreseen: memory ",
-        "degrees of freedom at once",
-        "modes; time of the order of",
-        "will be refused: needs about",
+        "estimate: ",
+        "; largest system ",
+        "modes; roughly ",
+        "will not run: needs about",
     ):
         assert words in text
     assert main(["bands", SMALL, "--explain", "--json", "-"]) == 0
@@ -182,9 +182,9 @@ def test_only_what_lies_above_the_upper_end_is_refused(monkeypatch: pytest.Monke
     assert demand
     needed = MEMORY_RANGE[1] * demand.memory_bytes / 2**30
     monkeypatch.setenv(machine.STATED, f"{1.01 * needed}")
-    assert too_much(demand) is None
+    assert shortfall(demand) is None
     monkeypatch.setenv(machine.STATED, f"{0.99 * needed}")
-    assert too_much(demand)
+    assert shortfall(demand)
 
 
 # -- what there is -----------------------------------------------------------------------------------------------------

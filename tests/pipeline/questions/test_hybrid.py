@@ -72,9 +72,9 @@ def test_no_plate_holds_matrices_or_factors_while_others_are_solved(
 def test_four_plates_are_foreseen_at_once_and_named_as_they_come(record: HybridResult, log: RecordingLog) -> None:
     whole, one = Hybrid(points=4).plan(case_of()).steps[0].demand, response_step(case_of(), None, 4).demand
     assert whole and one and whole.cost.operations == pytest.approx(4.0 * one.cost.operations)
-    assert [fact for fact in log.facts if fact.startswith("foreseen")] == [whole.text()]
+    assert [fact for fact in log.facts if fact.startswith("estimate")] == [whole.text()]
     assert [fact for fact in log.facts if fact.startswith("plate ")] == [
-        "plate 2 of 4: without rows", "plate 3 of 4: with pillars off by -2%", "plate 4 of 4: with pillars off by +2%"
+        "plate 2 of 4: without rows", "plate 3 of 4: with pillars detuned by -2%", "plate 4 of 4: with pillars detuned by +2%"
     ]  # fmt: skip
 
 

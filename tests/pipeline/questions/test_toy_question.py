@@ -53,12 +53,12 @@ def test_it_is_a_command_with_help_limits_and_a_plan(toy: ModuleType, capsys: py
     with pytest.raises(SystemExit):
         main(["mass", "--help"])
     said = " ".join(capsys.readouterr().out.split())
-    assert "share out the mass" in said and "--strips N" in said and "number of strips (default: 4)" in said
+    assert "divide the mass" in said and "--strips N" in said and "number of strips (default: 4)" in said
     with pytest.raises(SystemExit) as refused:
         main(["mass", CASE, "--strips", "0"])
     assert refused.value.code == 2 and "must be 1 or more, at most 100" in capsys.readouterr().err
     assert main(["mass", CASE, "--explain"]) == 0
-    assert "1. Share out the mass of the plate beneath the zone" in capsys.readouterr().out
+    assert "1. Divide the mass of the plate beneath the zone into strips" in capsys.readouterr().out
 
 
 def test_it_is_a_method_with_signature_documentation_and_limits(toy: ModuleType) -> None:
@@ -108,7 +108,7 @@ def test_it_is_a_column_of_a_sweep_a_part_of_each_record_and_a_section_of_the_pa
     table = list(csv.DictReader(asked.write_table(results).open()))
     assert [float(row["mass_total_g"]) for row in table] == pytest.approx([grams() / 2.0, grams()])
     text = page.build(results).read_text()
-    assert "Share out the mass of the plate beneath the zone" in text
+    assert "Divide the mass of the plate beneath the zone into strips" in text
     assert any((results / job / "pictures" / "mass.svg").exists() for job in ("thickness_mm=1", "thickness_mm=2")), (
         "drawn"
     )

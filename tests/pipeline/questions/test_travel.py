@@ -281,7 +281,7 @@ def test_shear_that_cannot_be_told_says_why(solved: tuple[TravelResult, Travelli
     bare = fingered(record, wave, force_N=None, gap_um=None)
     assert bare.shear_low is None and bare.unknown == ["net shear: touch.gap_um and touch.force_N are not given"]
     wide = fingered(dataclasses.replace(record, wavenumber_per_m=1.1e3), wave)
-    assert wide.shear_high is None and "5 mm wide, more than half a wave of 2.86 mm" in wide.unknown[0]
+    assert wide.shear_high is None and "5 mm wide, more than the half-wavelength of 2.86 mm" in wide.unknown[0]
     afloat = fingered(record, wave, gap_um=[0.8, 3.0])
     assert any("net shear: at some places" in reason for reason in afloat.unknown)
 
@@ -296,11 +296,11 @@ def test_what_cannot_be_is_one_line(solved: tuple[TravelResult, Travelling]) -> 
             ask(case_of(**change), Travel(), QUIET)
         assert len(refused.value.lines) == 1
     _, wave = solved
-    with pytest.raises(SolverError, match="does not hold the target mode and a neighbour"):
+    with pytest.raises(SolverError, match="does not contain the target mode and a neighbour"):
         travelling.best_pair(wave.forced, dataclasses.replace(case_of().design, nodal_lines=20), 0.0)
     sensors = np.pad(wave.table.sensors, ((0, 0), (0, 1)))
     seven = dataclasses.replace(wave, table=dataclasses.replace(wave.table, sensors=sensors, sensor_residual=None))
-    with pytest.raises(InputError, match="6 drive and 7 listen, the board has 6"):
+    with pytest.raises(InputError, match="6 actuators and 7 sensors, must be at most 6"):
         six_channels.board_outcome(seven, QUIET, None, played=True)
     assert six_channels.board_outcome(seven, QUIET, None, played=False) == {}
 

@@ -207,7 +207,7 @@ def test_it_says_what_matters(page: Page):
     assert "1 of 2 plates confine the target mode by at least 10 dB: pitch_mm=4,rows=1." in text
     assert "pitch_mm=12,rows=1 gave no answer: the mesh has a cell with a negative Jacobian <7>." in text
     assert "faces <clamped>" in text
-    assert "a thin element" in text and "patches: no response is asked (2 of 3" in text
+    assert "a thin element" in text and "patches: no response is requested (2 of 3" in text
     assert "python 3.11.7" in text and "antinode run rows" in text
 
 

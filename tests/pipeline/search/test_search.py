@@ -84,7 +84,7 @@ def put(monkeypatch: pytest.MonkeyPatch, result) -> None:
         (("--vary", "pillar.height_mm=-5:8"), "above 0"),
         (("--vary", "pillar.diameter_mm=1:2"), "square pillar"),
         (("--vary", "array.rows=1:2.5"), "whole numbers"),
-        (("--vary", "solve.accuracy=0.01:0.02"), "shapes the plate"),
+        (("--vary", "solve.accuracy=0.01:0.02"), "does not set a number of the plate"),
         (("--vary", "pillar.height_mm=5:8", "--vary", "pillar.height_mm=6:7"), "already"),
         (("--vary", "pillar.height_mm=5:8", "--goal", "beauty"), "--goal"),
         (("--vary", "pillar.height_mm=5:8", "--min-frequency", "-3kHz"), "--min-frequency"),
@@ -93,7 +93,7 @@ def put(monkeypatch: pytest.MonkeyPatch, result) -> None:
         (("--vary", "pillar.height_mm=5:8", "--evaluations", "0"), "1 or more"),
         (("--vary", "pillar.height_mm=5:8", "--goal", "worst"), "tolerance.height_mm"),
         (("--vary", "array.heights_mm=5:0.001"), "below the high end"),
-        (("--vary", "zone.count=1:2"), "zone.count: one zone has no other, must be left alone"),
+        (("--vary", "zone.count=1:2"), "zone.count: cannot vary, one zone has no other"),
         (("--vary", "array.stagger=0:1"), "must be array.stagger=false:true"),
         (("--vary", "array.pitches_y_mm=1:1.5", "--set", "array.pitch_x_mm=4"), "overlap"),
     ],
@@ -130,7 +130,7 @@ def test_a_key_with_a_value_a_row_varies_row_by_row() -> None:
     assert space.overrides((6.6, 6.2, 5.8, 8.0)) == ["array.heights_mm=[6.6,6.2,5.8]", "array.extension_mm=8"]
     heights = [pillar.height_m for pillar in space.case((6.6, 6.2, 5.8, 8.0)).design.graded]
     assert heights == pytest.approx([6.6e-3, 6.2e-3, 5.8e-3])
-    with pytest.raises(InputError, match="must be left alone"):
+    with pytest.raises(InputError, match="cannot vary together"):
         read_space(CASE, [], ["array.heights_mm=5:7", "array.rows=1:3"])
 
 
@@ -184,7 +184,7 @@ def test_a_key_that_shapes_no_plate_is_refused_by_one_line(key: str) -> None:
     with pytest.raises(InputError) as refused:
         read_space(CASE, [], [f"{key}={REFUSED[key]}"])
     (line,) = refused.value.lines
-    assert f"{key} is no number that shapes the plate" in line
+    assert f"{key} does not set a number of the plate" in line
     assert line.endswith("must be a number or a choice in one of [plate], [zone], [pillar], [tip], [array]")
 
 

@@ -75,13 +75,13 @@ def test_the_closest_zones_are_found_row_by_row(monkeypatch: pytest.MonkeyPatch,
     settings = Settings("closest", Limits(isolation_db=20.0), evaluations=12)
     outcome = optimiser.search(space, settings, WarningLog(), EvaluationCache(tmp_path))
     assert outcome.best.point == (14,) and outcome.best.gap_mm == pytest.approx(54.0)
-    assert outcome.base.violations == ["zones 4.5 dB apart, at least 20"]
+    assert outcome.base.violations == ["isolation 4.5 dB, at least 20"]
     result = SearchResult.of_outcome(outcome)
     assert result.gain_mm == pytest.approx(10.0 - 54.0) and result.gain_db is result.gain_khz is None
     assert result.best.gap_mm == pytest.approx(54.0) and result.limits.isolation_db == 20.0
     assert "best 54.0 gap between zones (mm)" in result.pictures()[0].alt
     settings = replace(settings, limits=Limits(isolation_db=31.0))
-    with pytest.raises(CheckFailed, match=r"zone.shared_rows=20: zones 30.0 dB apart, at least 31"):
+    with pytest.raises(CheckFailed, match=r"zone.shared_rows=20: isolation 30.0 dB, at least 31"):
         optimiser.search(space, settings, WarningLog(), EvaluationCache(tmp_path))
 
 
@@ -95,21 +95,21 @@ def test_the_largest_isolation_is_that_of_most_rows(monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--vary", "zone.count=2:3"), "--vary zone.count: one zone has no other, must be left alone"),
+        (("--vary", "zone.count=2:3"), "--vary zone.count: cannot vary, one zone has no other"),
         (
             ("--goal", "extension"),
-            "--goal extension: of one zone alone, must be confinement, worst, isolation or closest",
+            "--goal extension: applies to a single zone, must be confinement, worst, isolation or closest",
         ),
-        (("--goal", "widest"), "--goal widest: of one zone alone"),
+        (("--goal", "widest"), "--goal widest: applies to a single zone"),
         (("--min-isolation", "-3"), "must be 0.001 or more"),
         (("--verify-with", "solid"), "--verify-with solid: zone.count = 2, must be plate"),
         (
             ("--set", "zone.count=1", "--set", "zone.shared_rows=0", "--goal", "closest"),
-            "needs zone.count of 2 or more",
+            "set zone.count to 2 or more",
         ),
         (
             ("--set", "zone.count=1", "--set", "zone.shared_rows=0", "--min-isolation", "20"),
-            "--min-isolation: one zone",
+            "--min-isolation: needs several zones",
         ),
         (("--set", "patches.circuit='open'"), "must be 'short'"),
         (("--vary", "array.heights_mm=5:6"), "must be left out with several zones"),
@@ -169,5 +169,5 @@ def test_a_level_is_kept_by_its_question(coarsest_cells: None, tmp_path: Path, m
 def test_one_zone_has_no_cross_talk_to_ask_for() -> None:
     one = {**RAW, "zone": ZONE}
     space = space_of(case_from_dict(one), [Range("pillar.height_mm", 5, 7)])
-    with pytest.raises(InputError, match="--goal isolation: one zone has no other"):
+    with pytest.raises(InputError, match="--goal isolation: needs several zones"):
         optimiser.search(space, Settings("isolation"), RecordingLog())

@@ -1,5 +1,4 @@
-"""The demand of each step of a plan, from the design and its models; nothing is reduced, and no more meshed than a coarse cell
-and panels about round feet."""
+"""Resource estimate of each step of a plan; only a coarse cell and the panels around round feet are meshed for it."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, Request, model_choice_of, model_high_hz
-from pipeline.planning.resources import Demand, refuse, too_much
+from pipeline.planning.resources import ResourceEstimate, refuse, shortfall
 from solvers.analytic.plates import highest_hz, pillar_modes, plate_modes
 from solvers.fem.cost import (
     Cost,
@@ -34,56 +33,55 @@ from solvers.fem.cost import (
 from solvers.machine import workers
 from solvers.superelement.interface import Interface, ReductionSettings
 
-MAX_LINES = 2_000_000  # of a plate's grid: more are not even drawn to be counted
+MAX_LINES = 2_000_000  # of a plate's grid: beyond it, lines are counted without being generated
 MANY_FUNCTIONS = 1000  # of one cell or panel: some 300 are common
-DENSE_COPIES = 34  # of a lattice's matrices: nine steps of K and of M, and what one wavevector takes
+DENSE_COPIES = 34  # of a lattice's matrices: nine steps of K and of M, and the work space of one wavevector
 DENSE_OPERATIONS = 2.0  # of a dense eigen-solve over n^3
-# times accuracy^-1/4 and the highest band: what modes left out from L on are uncertain by goes as L^-4
+# times accuracy^-1/4 and the highest band: the uncertainty due to modes discarded above L goes as L^-4
 CUTOFF = 0.64
-GAP_SOLVES = 110  # wavevectors that crossings and edges of gaps take beside the path's
-# beside the dense solve at a wavevector: the pencil, phases, labels; and a wave and entry of the cell: slopes, overlaps
+GAP_SOLVES = 110  # wavevectors for crossings and gap edges, in addition to the path's
+# in addition to the dense solve, per wavevector: pencil, phases, labels; per wave and cell entry: slopes, overlaps
 SOLVE_OPERATIONS, WAVE_OPERATIONS, WAVES_ABOVE = 5e7, 8.0, 6
-# worth of time to mesh, assemble, join and bound three nested meshes of a cell; coarse cells that choose its reduction, each
+# equivalent of meshing, assembling, joining and bounding three nested meshes of a cell; of each coarse cell that sets its
+# reduction
 CELL_OPERATIONS, COARSE_CELLS, COARSE_OPERATIONS = 5e9, 2, 2e9
-MOST_ENDS = 2.0  # times the cut-off that a plan begins with: no higher band is looked for
-LOWERED = 16.0  # operations over n^3 to find how much of what coarser meshes tell may be taken from a cell
+MOST_ENDS = 2.0  # times the cut-off that a plan begins with: the highest band searched
+LOWERED = 16.0  # operations over n^3 to find the correction of a cell from its coarser meshes
 COMPLEX = 2.5  # times a real dense solve
-COLUMN_SOLVES, SWEEP = 2.0, 8.0  # with each boundary function, and operations of one an entry of the factor
-# times the work on a panel's own mesh: that of one order less and that without the innermost layer with it
+COLUMN_SOLVES, SWEEP = 2.0, 8.0  # solves per boundary function, and operations of each per entry of the factor
+# times the work on a panel's own mesh: includes the meshes of one order less and without the innermost layer
 NESTED = 1.4
-ALIKE = 1.8  # classes' worth of four: one is another one turned over, two fall into halves
-JOINING_BYTES = 45.0  # an entry of a panel's matrices while they are summed
-PANEL_OPERATIONS = 2e6  # worth of time to number a panel's degrees of freedom
+ALIKE = 1.8  # equivalent number of classes instead of four: one is a rotated copy, two split into halves
+JOINING_BYTES = 45.0  # per entry of a panel's matrices while they are summed
+PANEL_OPERATIONS = 2e6  # equivalent of numbering the degrees of freedom in one panel
 TETRAHEDRA = 10.0  # times volume over edge cubed, graded edges included
 NODES, PAIRS = 1.45, 28.0  # a quadratic tetrahedron's nodes; nodes that share an element with one
 TET_FILL = 4.0  # entries of the factor over n^(4/3)
-# times the elements of a square prism's panel: a disc's patches, where they are too many to be meshed for their number
+# times the elements of a square prism's panel: those of a disc's, where meshing it just to count them costs too much
 CURVED, MESHED = 2.0, 50_000
 SKIN = 0.4  # of a panel's nodes that lie on its surface
 EMBEDDED = 2.2  # entries of the real embedding over those of the cell
-SPLIT_BYTES, SPLIT_KEPT = 70.0, 16.0  # an entry, while the cell is split by phases, and afterwards
+SPLIT_BYTES, SPLIT_KEPT = 70.0, 16.0  # per entry, while the cell is split by phases, and afterwards
 
-Kind = tuple[
-    MeshCounts, float, int
-]  # a kind of panel: its mesh, its fixed-interface modes, how many of it make the panel
+Kind = tuple[MeshCounts, float, int]  # a kind of panel: its mesh, fixed-interface modes, copies of the mesh per panel
 
 
-def announce(what: str, demand: Demand, log: Log) -> None:
-    """Log the demand of a computation before it begins. Raises InputError where the machine cannot hold it."""
+def log_estimate(what: str, demand: ResourceEstimate, log: Log) -> None:
+    """Log the resource estimate of a computation before it begins; InputError if it exceeds the available memory."""
     refuse({what: demand})
     log.info(demand.text())
     if demand.functions and demand.functions > MANY_FUNCTIONS:
         log.warning(
             "MANY_FUNCTIONS",
-            f"the reduction keeps about {demand.functions} functions {demand.a_what} for {what}: its modes are kept up to a "
-            "frequency that the plate sets, where waves in so soft or large a pillar are short; expect much time and memory",
+            f"{what}: the reduction keeps about {demand.functions} functions per {demand.per}; the plate sets its cut-off, at "
+            "which waves in so soft or large a pillar are short. Expect long run times and high memory use",
         )
 
 
-def fits(demand: Demand, log: Log) -> bool:
-    """Whether the machine can hold the demand of a finer mesh; logged either way."""
-    reason = too_much(demand)
-    log.info(f"no finer mesh: it {reason}" if reason else demand.text())
+def fits(demand: ResourceEstimate, log: Log) -> bool:
+    """Whether a finer mesh fits into the available memory; logged either way."""
+    reason = shortfall(demand)
+    log.info(f"finer mesh skipped: it {reason}" if reason else demand.text())
     return reason is None
 
 
@@ -97,7 +95,7 @@ def of_boxes(scene: Scene, order: int) -> MeshCounts:
 
 
 def _box_fill(counts: BoxCounts) -> Fill:
-    """Fill of the body's mesh and of every pillar's, whose foot belongs to the body."""
+    """Fill of the meshes of the body and of every pillar, whose foot belongs to the body."""
     total, dofs = Fill(), nodal(counts.order)
     for block in (block for block in counts.blocks if block.sign > 0):
         ends = ((True, True), (True, True), (not block.stands, True))
@@ -115,11 +113,11 @@ def of_tetrahedra(volume_m3: float, edge_m: float) -> MeshCounts:
     return MeshCounts(elements, 10, nodes, PAIRS * nodes, Fill(entries, entries**1.5, entries))
 
 
-# -- lone parts and plates meshed whole --------------------------------------------------------------------------------
+# -- isolated parts and plates meshed whole ----------------------------------------------------------------------------
 
 
-def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
-    """Demand of a part's modes by its model choice."""
+def of_modes(case: Case, choice: ModelChoice, query: Request) -> ResourceEstimate:
+    """Estimate the modes of a part for its model choice."""
     high, total = _window(case, choice, query)
     if query.count is not None and not query.band_hz and choice.part != "plate" and choice.kind == HEX:
         choice = model_choice_of(case, choice.part, max(high, model_high_hz(case, query)))
@@ -134,17 +132,17 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
     each = min(each, mesh.dofs)
     reported = min(each, total) if near else classes * each
     solve = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, each, near)
-    return Demand(
+    return ResourceEstimate(
         solid_modes(mesh, classes, each, near),
         reported,
         change=change,
         cad=choice.kind != HEX,
-        beside_bytes=_beside(classes, solve),
+        parallel_bytes=_parallel_bytes(classes, solve),
     )
 
 
-def of_meshed_whole(case: Case, accuracy: float, count: int) -> Demand:
-    """Demand of a few modes of one symmetry class of the plate meshed whole by tetrahedra."""
+def of_meshed_whole(case: Case, accuracy: float, count: int) -> ResourceEstimate:
+    """Estimate a few modes of one symmetry class of a plate meshed whole by tetrahedra."""
     whole = replace(case, solve=case.solve.but(mesh="tet", model=SOLID, accuracy=accuracy))
     query = Request(
         "plate", near_hz=mesh_rules.target_window_hz(case.design)[0], count=count, symmetry=case.target_symmetry
@@ -172,9 +170,9 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
         assert design.pillar
         return pillar_modes(frequency_hz, design.pillar)
     if part == "zone":
-        kept_bytes = 2.0 * design.length_m
+        clamped_m = 2.0 * design.length_m
         return plate_modes(
-            frequency_hz, design.length_m, design.width_m, design.thickness_m, design.stack.mean, kept_bytes
+            frequency_hz, design.length_m, design.width_m, design.thickness_m, design.stack.mean, clamped_m
         )
     across = 2.0 * design.half_span_m
     plate = plate_modes(frequency_hz, design.length_m, across, design.thickness_m, design.stack.mean)
@@ -201,7 +199,7 @@ def _per_row(design: Design) -> int:
 
 
 def whole_mesh(case: Case, choice: ModelChoice) -> MeshCounts:
-    """Counts of a part's mesh that is solved as it is."""
+    """Counts of the mesh of a part that is solved without reduction."""
     design = case.design
     if choice.kind != HEX:
         assert choice.edge_m
@@ -216,7 +214,7 @@ def whole_mesh(case: Case, choice: ModelChoice) -> MeshCounts:
 
 
 def _many_pillars(design: Design, settings: HexSettings) -> MeshCounts:
-    """Counts of a plate with too many pillars to list: as many cells."""
+    """Counts of a plate with too many pillars to list, from an equal number of cells."""
     cell = of_boxes(cell_scene(design, settings), settings.order)
     many = pillar_count(design) / 4.0
     return MeshCounts(
@@ -246,10 +244,10 @@ def _volume_m3(design: Design, part: str) -> float:
 
 @dataclass(frozen=True)
 class AssembledClass:
-    """A symmetry class of a plate of reduced panels, or the whole plate: its tiling's sizes and its matrices'.
+    """Sizes of the tiling and matrices of one symmetry class of a plate of reduced panels, or of the whole plate.
 
-    functions: of an average panel; inner: fixed-interface modes of the panel that has most; summed: entries of its panels'
-    matrices one after another, entries: of their sum, in which what neighbours share counts once.
+    functions: of an average panel; inner: fixed-interface modes of the panel that has most; summed: entries of all panel
+    matrices; entries: those of the assembled matrix, in which shared degrees of freedom count once.
     """
 
     design: Design
@@ -306,8 +304,8 @@ def _assembled(
     modes: float,
     near: bool,
     change: tuple[str, ...],
-) -> Demand:
-    """Demand of a plate assembled from panels: the costliest kind of panel, then the assembled classes."""
+) -> ResourceEstimate:
+    """Estimate a plate assembled from panels: the reductions, then the assembled classes."""
     own = assembled_class(case.design, choice, reduction)
     reducing = Cost()
     for body, functions, copies in own.kinds:
@@ -320,24 +318,24 @@ def _assembled(
     kept_bytes = kept + 3.0 * 12.0 * own.entries + (classes - 1) * 8.0 * own.dofs * modes
     for _ in range(classes):
         cost = cost.then(solve, kept_bytes)
-    return Demand(
+    return ResourceEstimate(
         cost,
         modes if near else classes * modes,
         round(reduction.interface.count + own.inner),
         own.panels,
         change,
         choice.kind != HEX,
-        _beside(classes, solve),
+        _parallel_bytes(classes, solve),
     )
 
 
-def _beside(classes: int, solve: Cost) -> float:
-    """Bytes of the symmetry classes that are solved beside the first one."""
+def _parallel_bytes(classes: int, solve: Cost) -> float:
+    """Bytes of the symmetry classes that are solved in parallel with the first one."""
     return (min(classes, workers()) - 1) * solve.peak.bytes
 
 
 def of_panels(design: Design, choice: ModelChoice, reduction: ReductionSettings) -> float:
-    """Bytes that reducing the costliest kind of panel takes at its peak."""
+    """Peak memory of reducing the costliest kind of panel, B."""
     kinds = _panel_kinds(design, reduction, choice)
     return max(
         panel_reduction(body, reduction.ample, functions, copies).peak.bytes for body, functions, copies in kinds
@@ -356,7 +354,7 @@ def _panels(design: Design, reduction: ReductionSettings) -> tuple[int, int]:
 
 
 def _panel_kinds(design: Design, reduction: ReductionSettings, choice: ModelChoice) -> list[Kind]:
-    """Mesh of each kind of panel, the largest of its kind, and its fixed-interface modes."""
+    """Mesh of the largest panel of each kind, with its fixed-interface modes."""
     longest = reduction.max_edge_m
     bare_m = (design.pitch_x_m if design.rows else longest, longest)
     settings = reduction.hexahedra
@@ -393,7 +391,7 @@ def _pillar_panel(
 
 
 def _of_hexahedra(design: Design, panel: Panel, reduction: ReductionSettings) -> MeshCounts:
-    """Counts of a panel with its pillar; about a curved foot those of a square one, times what its own mesh has of them."""
+    """Counts of a panel with its pillar; those of a square foot are scaled for a curved one."""
     pillar, settings = design.pillar, reduction.hexahedra
     alike = square_of(pillar) if pillar else None
     mesh = of_boxes(panel_scene(panel, design.thickness_m, alike, settings), settings.order)
@@ -424,8 +422,8 @@ def _mean_functions(design: Design, kinds: list[Kind], panels: int) -> float:
 
 
 def panel_reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int, is_alike: bool = False) -> Cost:
-    """Demand of reducing one panel, `copies` times as large as its mesh, class by class: matrices, constraint shapes,
-    fixed-interface modes; the same of the meshes nested in it. is_alike: a quarter whose x and y are alike.
+    """Cost of reducing one panel of `copies` times its mesh, class by class: matrices, constraint modes, fixed-interface modes
+    and nested meshes. is_alike: a quarter that is symmetric under exchange of x and y.
     """
     surface = 2.0 * SKIN * copies * mesh.dofs * 8.0 * (face.count + functions)
     shapes = 8.0 * mesh.dofs * (face.count + functions)
@@ -445,33 +443,33 @@ def panel_reduction(mesh: MeshCounts, face: Interface, functions: float, copies:
 # -- unit cells --------------------------------------------------------------------------------------------------------
 
 
-def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
-    """Demand of the bands at a number of wavevectors, and of the finer meshes that may have to follow."""
+def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> ResourceEstimate:
+    """Estimate the bands at a number of wavevectors, and the finer meshes that may follow."""
     if choice.reduction is None:
         return _meshed_cell(case, choice, wavevectors)
     design, bands = case.design, case.bands
     inside = len(design.lattice.grid(bands.grid, design.cell_mirrors)) if bands.grid else 0
     if design.stagger:
-        path = bands.segments * bands.points + 1  # no branches are followed between
+        path = bands.segments * bands.points + 1  # branches are not followed between these points
         return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, min(wavevectors, path) + inside)
     return _of_cell(case, _advised(case, choice), DENSE_OPERATIONS, wavevectors + GAP_SOLVES + inside, COARSE_CELLS)
 
 
-def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
-    """Demand of complex bands at a number of frequencies; the bare cell is reduced, too."""
+def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> ResourceEstimate:
+    """Estimate complex bands at a number of frequencies; the bare cell is reduced, too."""
     assert choice.reduction
     if case.design.stagger:
         return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, frequencies)
     return _of_cell(case, _advised(case, choice), 2.0 * DENSE_OPERATIONS, frequencies, COARSE_CELLS)
 
 
-def of_finer_mesh(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
-    """Demand of the cell of a chosen reduction on a finer mesh, and of its bands at the path's corners."""
+def of_finer_mesh(case: Case, choice: ModelChoice, wavevectors: int) -> ResourceEstimate:
+    """Estimate a cell of given reduction settings on a finer mesh, with its bands at the corners of the path."""
     return _of_cell(case, choice, DENSE_OPERATIONS, wavevectors)
 
 
 def _advised(case: Case, choice: ModelChoice) -> ModelChoice:
-    """The choice with degrees along the sides and a cut-off as coarse cells are foreseen to advise for the bands."""
+    """The choice with the degree along the sides and the cut-off that coarse cells are expected to give for the bands."""
     from pipeline.planning.model_choice import coarse_cell  # solves: a plan of a plate loads no solver
 
     reduction, design, accuracy = choice.reduction, case.design, case.solve.accuracy
@@ -483,8 +481,8 @@ def _advised(case: Case, choice: ModelChoice) -> ModelChoice:
     return replace(choice, reduction=replace(reduction, interface=face, top_hz=CUTOFF * accuracy**-0.25 * end_hz))
 
 
-def _of_cell(case: Case, choice: ModelChoice, operations: float, solves: float, pilots: int = 0) -> Demand:
-    """Demand of so many coarse cells, and dense solves of the reduced one, `operations` times the cube of their size each."""
+def _of_cell(case: Case, choice: ModelChoice, operations: float, solves: float, pilots: int = 0) -> ResourceEstimate:
+    """Estimate `pilots` coarse cells and `solves` dense solves of the reduced one, at `operations` times n^3 each."""
     demands = [
         _lattice(*_reduced_cell(case, each, each.reduction), operations, solves, case, choice)
         for each in (choice, *_finer_meshes(case.design, choice))
@@ -495,7 +493,7 @@ def _of_cell(case: Case, choice: ModelChoice, operations: float, solves: float, 
 
 
 def _finer_meshes(design: Design, choice: ModelChoice) -> Iterator[ModelChoice]:
-    """The reduced cell on each mesh level after its own that has more elements."""
+    """Reduced cell on each finer mesh level that has more elements."""
     level = choice.mesh_level
     while choice.reduction and level and (level := mesh_rules.finer_cell_level(level)):
         mesh = mesh_rules.with_nodes_for(choice.reduction.interface, mesh_rules.cell_mesh(design, level))
@@ -506,14 +504,14 @@ def _finer_meshes(design: Design, choice: ModelChoice) -> Iterator[ModelChoice]:
 
 
 def cell_dofs(design: Design, choice: ModelChoice) -> float:
-    """Degrees of freedom of the cells of a design's rows, meshed by a choice's hexahedra, curved feet as square ones."""
+    """Degrees of freedom of the cells of a design's rows in hexahedra; curved feet count as square ones."""
     assert choice.hexahedra
     boxes = [replace(row, pillar=row.pillar and square_of(row.pillar)) for row in design.row_designs]
     return sum(of_boxes(cell_scene(row, choice.hexahedra), choice.hexahedra.order).dofs for row in boxes)
 
 
 def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings) -> tuple[Cost, int, float]:
-    """Demand of the unit cell's reduction, its degrees of freedom a wavevector, and all of them."""
+    """Cost of reducing the unit cell, its degrees of freedom per wavevector, and those in total."""
     design, face = case.design, reduction.interface
     pitch = (design.pitch_x_m, design.pitch_y_m)
     halved = (0, 1) if {"x", "y"} <= {*design.cell_mirrors} else ()
@@ -528,8 +526,10 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
 
 
 def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, float], mesh: MeshCounts) -> float:
-    """Fixed-interface modes of a cell to expect up to its cut-off: those that a coarse one has, or where its elements do not
-    follow so many, what their density says, at most as those of a volume grow.
+    """Fixed-interface modes expected up to the cut-off of a cell.
+
+    A coarse cell gives their number. Where its elements are too large for them, the modal density does, limited by the
+    growth of a volume's modes.
     """
     from pipeline.planning.model_choice import coarse_cell  # solves: a plan of a plate loads no solver
 
@@ -544,26 +544,26 @@ def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, fl
 
 def _lattice(
     reducing: Cost, dof: int, whole: float, operations: float, solves: float, case: Case, choice: ModelChoice
-) -> Demand:
-    """Demand of so many solves of dense pencils of a size, `operations` times its cube each, of cells of `whole` functions."""
+) -> ResourceEstimate:
+    """Estimate `solves` dense pencils at `operations` times `dof`^3 each, of cells with `whole` functions."""
     waves = WAVE_OPERATIONS * whole**2 * (case.bands.count + WAVES_ABOVE)
     dense = Cost(
         (Stage("solving the cell's dense pencils", DENSE_COPIES * 8.0 * dof**2),),
         solves * (operations * dof**3 + SOLVE_OPERATIONS + waves),
         dof,
     )
-    return Demand(reducing.then(dense), None, dof, change=_cell_changes(case, choice), cad=choice.kind != HEX)
+    return ResourceEstimate(reducing.then(dense), None, dof, change=_cell_changes(case, choice), cad=choice.kind != HEX)
 
 
-def _meshed_cell(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
-    """Demand of the cell as meshed: the real embedding at a wavevector has twice the size."""
+def _meshed_cell(case: Case, choice: ModelChoice, wavevectors: int) -> ResourceEstimate:
+    """Estimate the cell without reduction: the real embedding at a wavevector has twice the size."""
     assert choice.hexahedra
     mesh = of_boxes(cell_scene(case.design, choice.hexahedra), choice.hexahedra.order)
     fill = mesh.fill.times(4)
     solve = modal_solve(2.0 * mesh.dofs, EMBEDDED * 9.0 * mesh.pairs, fill, 2.0 * case.bands.count, True)
     split = Stage("splitting the cell by phases", SPLIT_BYTES * 9.0 * mesh.pairs)
     cost = assembly(mesh).then(Cost((split,))).then(solve, (SPLIT_KEPT + 24.0 * EMBEDDED) * 9.0 * mesh.pairs)
-    return Demand(
+    return ResourceEstimate(
         Cost(cost.stages, assembly(mesh).operations + wavevectors * solve.operations, cost.dofs),
         float(case.bands.count),
         change=_cell_changes(case, choice),
@@ -577,23 +577,23 @@ def _changes(case: Case, choice: ModelChoice, query: Request) -> tuple[str, ...]
     """Changes that make the modes of a part cheaper, the most effective first."""
     changes = [_coarser(case)]
     if choice.model == SOLID and choice.part == "plate":
-        changes.insert(0, 'take solve.model = "superelement"')
+        changes.insert(0, 'set solve.model = "superelement"')
     if choice.quarter and query.symmetry is None:
-        changes.append("ask for one symmetry class")
-    changes.append("ask for fewer modes (a lower count)" if query.band_hz is None else "narrow or lower the band")
+        changes.append("request one symmetry class")
+    changes.append("request fewer modes (a lower count)" if query.band_hz is None else "narrow or lower the band")
     if choice.part == "plate" and pillar_count(case.design):
-        changes.append("take fewer rows or a larger pitch")
+        changes.append("use fewer rows or a larger pitch")
     if query.part != "pillar" and case.design.is_short_wave:
         changes.append(
-            "take fewer zone.nodal_lines: half a wave of the target mode is no longer than the plate is thick"
+            "lower zone.nodal_lines: the half-wavelength of the target mode does not exceed the plate's thickness"
         )
     return tuple(changes)
 
 
 def _cell_changes(case: Case, choice: ModelChoice) -> tuple[str, ...]:
     """Changes that make a unit cell cheaper."""
-    changes = [_coarser(case), "take a stiffer or smaller pillar", "take a smaller pitch", "lower bands.count"]
-    return tuple(['take solve.model = "superelement"', *changes] if choice.model == SOLID else changes)
+    changes = [_coarser(case), "use a stiffer or smaller pillar", "use a smaller pitch", "lower bands.count"]
+    return tuple(['set solve.model = "superelement"', *changes] if choice.model == SOLID else changes)
 
 
 def _coarser(case: Case) -> str:
