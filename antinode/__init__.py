@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from antinode.plate import Caution, Plate, load
+    from antinode.plate import AntinodeWarning, Plate, load
     from antinode.sweeps import SweepTable, open, sweep
     from pipeline.case.schema import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
     from pipeline.errors import InputError
@@ -40,7 +40,7 @@ ANSWERS = (  # results of questions
     *("Search", "Tolerance", "Touch", "Travel"),
 )
 HOMES = {  # where each public name stands, and by which name
-    **dict.fromkeys(("Caution", "Plate", "load"), "antinode.plate"),
+    **dict.fromkeys(("AntinodeWarning", "Plate", "load"), "antinode.plate"),
     **dict.fromkeys(("SweepTable", "open", "sweep"), "antinode.sweeps"),
     **dict.fromkeys(TABLES, "pipeline.case.schema"),
     **{name: f"pipeline.questions.{name.lower()}:{name}Result" for name in ANSWERS},
@@ -49,7 +49,7 @@ HOMES = {  # where each public name stands, and by which name
     "SolverError": "solvers.errors",
 }
 __all__ = [
-    "Caution",
+    "AntinodeWarning",
     "InputError",
     "Mode",
     "Plate",

@@ -274,12 +274,12 @@ def key_of(name: str, tables: Iterable[str] = ()) -> str:
     raise InputError(f"{name}: no such key{nearest(name, known)}")
 
 
-class Caution(UserWarning):
+class AntinodeWarning(UserWarning):
     """Something to know before believing the numbers, as a Python warning: its name, then its text.
 
     >>> import antinode, warnings
     >>> with warnings.catch_warnings(record=True) as seen:
-    ...     warnings.simplefilter("always", antinode.Caution)  # "error" would stop the script
+    ...     warnings.simplefilter("always", antinode.AntinodeWarning)  # "error" would stop the script
     ...     modes = antinode.load("examples/small.toml", accuracy=0.1).modes((20.0, 21.0), part="pillar")
     >>> str(seen[0].message).partition(" lies")[0]
     'NO_MODES: no mode of the pillar'
@@ -290,7 +290,7 @@ class _Log(TerminalLog):
     """Progress on standard error where it is asked for; warnings as Python's own."""
 
     def warning(self, id: str, text: str) -> None:
-        warnings.warn(f"{id}: {text}", Caution, stacklevel=2)
+        warnings.warn(f"{id}: {text}", AntinodeWarning, stacklevel=2)
 
 
 def log_of(progress: bool | None) -> TerminalLog:

@@ -180,7 +180,8 @@ def sweep(
     Returns
     -------
     SweepTable
-        One row a case. A case that failed, or whose process died, has its diagnosis there, and an `antinode.Caution` names it.
+        One row per case. The row of a case that failed, or whose process died, holds its diagnosis, and an
+        `antinode.AntinodeWarning` names the case.
 
     Raises
     ------
