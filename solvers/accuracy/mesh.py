@@ -46,7 +46,7 @@ BELOW, APART = 0.97, 0.01  # a shift: of the lowest eigenvalue, and how far from
 # of what the last order brought away from the edge: more than further ones bring there
 SMOOTH, CLAMPED_SMOOTH = 0.035, 0.02
 # of what the last order brings at the edge: so much of it may be none of the edge's, and cancel what is not
-SHADE = 0.5
+EDGE_UNCERTAINTY = 0.5
 # of the share at a clamped face beside elements longer than it is thick: the layer brings the smooth boundary layer, too.
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
 LONG = 0.6
@@ -71,15 +71,15 @@ RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = 0.1, 0.3, 0.15
 
 
 @dataclass(frozen=True)
-class Shares:
+class ErrorFractions:
     """Share of the layer's change that is left, its uncertainty, and what the order changes at the edge beside the layer.
 
     doubt: of the share of what the layer brings beyond what the order's change lets the edge have; order: of the mesh, 0 where
     no order less was meshed; waves: of the order's change away from the edge what is of short waves.
     """
 
-    taken: float = 0.0
-    spread: float = 0.0
+    correction: float = 0.0
+    uncertainty: float = 0.0
     edge: float = 0.0
     smooth: float = SMOOTH
     doubt: float = 0.0
@@ -89,36 +89,40 @@ class Shares:
     @property
     def rim(self) -> float:
         """What of the layer's change is uncertain."""
-        return self.spread + SHADE * self.smooth * self.edge
+        return self.uncertainty + EDGE_UNCERTAINTY * self.smooth * self.edge
 
     def half_width(self, layer: FloatArray, order: FloatArray) -> FloatArray:
         """Half-width of a figure's error from what the mesh without the layer and that of one order less change it by."""
-        return np.asarray(self.at_edge(layer, order) + self.away(layer, order))
+        return np.asarray(self.singular_part(layer, order) + self.smooth_part(layer, order))
 
     def of_modes(self, values: FloatArray, layer: FloatArray, order: FloatArray) -> FloatArray:
         """The same of modes of a class, or of waves at a wavevector, with eigenvalues (k,): the last order may bring one
         nothing, but waves as short as those of lower ones are missed in it, too.
         """
-        away, upwards = self.away(layer, order), np.argsort(values)
+        away, upwards = self.smooth_part(layer, order), np.argsort(values)
         shown = np.maximum.accumulate(away[upwards])
         away[upwards] = np.maximum(away[upwards], HIDDEN * shown)
-        return np.asarray(self.at_edge(layer, order) + away)
+        return np.asarray(self.singular_part(layer, order) + away)
 
-    def at_edge(self, layer: FloatArray, order: FloatArray) -> FloatArray:
+    def singular_part(self, layer: FloatArray, order: FloatArray) -> FloatArray:
         """The part of the half-width that the edge has."""
         half = self.rim * np.abs(layer)
         if not self.doubt:
             return np.asarray(half)
-        return np.asarray(half + self.doubt * self.taken * np.maximum(np.abs(layer) - np.abs(order) / self.edge, 0.0))
+        return np.asarray(
+            half + self.doubt * self.correction * np.maximum(np.abs(layer) - np.abs(order) / self.edge, 0.0)
+        )
 
-    def away(self, layer: FloatArray, order: FloatArray) -> FloatArray:
+    def smooth_part(self, layer: FloatArray, order: FloatArray) -> FloatArray:
         """The part that waves have away from it."""
         return smooth_half_width(order - self.edge * layer, self.smooth, self.order, self.waves)
 
 
-def shares_of(error: MeshError) -> Shares:
+def shares_of(error: MeshError) -> ErrorFractions:
     """Return what the changes of a reduced cell by its coarser meshes show."""
-    return Shares(error.taken, error.spread, error.edge, doubt=SHADE if error.edge else 0.0, order=error.order)
+    return ErrorFractions(
+        error.taken, error.spread, error.edge, doubt=EDGE_UNCERTAINTY if error.edge else 0.0, order=error.order
+    )
 
 
 def smooth_half_width(change: FloatArray, share: float, order: int, waves: float = 1.0) -> FloatArray:
@@ -144,23 +148,31 @@ def largest(half_widths: FloatArray) -> float | None:
 Rim = tuple[Material, Material]  # the wider part's material, and that of the narrower one that stands on it
 
 
-def rim_shares(plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, wall: float = pi / 2.0) -> Shares:
-    """Shares at the rims of a foot and of `more` like it, between the exponents of displacements normal to them and along
-    them (williams1952); wall: the angle in rad that the pillar fills above its foot.
+def rim_shares(
+    plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, wall: float = pi / 2.0
+) -> ErrorFractions:
+    """Error fractions at the rims of a foot and of `more` such rims (williams1952).
+
+    They lie between those of displacements normal to the rim and along it; wall: angle in rad that the pillar fills above its
+    foot.
     """
     edges = (*_edges(rim_wedges(plate, pillar, wall)), *_rim_edges(*more))
-    return replace(_shares(edges, mesh, RIM_ROUGH, RANGES.get(mesh.order, 1.0)), doubt=SHADE)
+    return replace(_shares(edges, mesh, RIM_ROUGH, RANGES.get(mesh.order, 1.0)), doubt=EDGE_UNCERTAINTY)
 
 
-def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> Shares:
-    """Shares where a clamped face, so thick, meets free ones, and at the rims of `more` (williams1952)."""
+def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> ErrorFractions:
+    """Error fractions at the edges of a clamped face of a given thickness and at the rims of `more` (williams1952)."""
     edges = (Edge(clamped_edge_exponent(material), OUTER_ACROSS, 1.0), *_rim_edges(*more))
     is_long = mesh.size_m > thickness_m
     shares = replace(_shares(edges, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
     if not is_long:
         return shares
     shares = replace(shares, waves=UNLOCKED)
-    return replace(shares, taken=LONG * shares.taken, spread=LONG * shares.spread) if mesh.layers else shares
+    return (
+        replace(shares, correction=LONG * shares.correction, uncertainty=LONG * shares.uncertainty)
+        if mesh.layers
+        else shares
+    )
 
 
 @dataclass(frozen=True)
@@ -182,7 +194,7 @@ def _edges(wedges: tuple[Wedge, ...]) -> tuple[Edge, Edge]:
     return Edge(across, OUTER_ACROSS, ACROSS), Edge(along, OUTER_ALONG, 1.0 - ACROSS)
 
 
-def _shares(edges: tuple[Edge, ...], mesh: HexSettings, rough: float, ranges: float = 1.0) -> Shares:
+def _shares(edges: tuple[Edge, ...], mesh: HexSettings, rough: float, ranges: float = 1.0) -> ErrorFractions:
     """Of singularities as they weigh; uncertain by so many half-ranges between them and a rough part."""
     left, order, less = [], [], replace(mesh, order=mesh.order - 1)
     for edge in edges:
@@ -195,7 +207,7 @@ def _shares(edges: tuple[Edge, ...], mesh: HexSettings, rough: float, ranges: fl
     middle, at_edge = (float(np.average(each, weights=[edge.weight for edge in edges])) for each in (left, order))
     spread = ranges * (max(left) - min(left)) / 2.0 + rough * middle
     taken = middle if mesh.layers else 0.0  # without layers nothing tells what the edge's share of the change is
-    return Shares(taken, spread + middle - taken, at_edge, order=mesh.order)
+    return ErrorFractions(taken, spread + middle - taken, at_edge, order=mesh.order)
 
 
 Body = TypeVar("Body")
@@ -218,7 +230,7 @@ class CoarserMeshes:
 
     layer: Nested[SolidModel] | None
     order: Nested[SolidModel]
-    shares: Shares
+    shares: ErrorFractions
 
     def errors(
         self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
@@ -229,7 +241,7 @@ class CoarserMeshes:
         layer, order = (
             _rise(each, symmetry, pencil, vectors, values) for each in (self.layer or self.order, self.order)
         )
-        return self.shares.taken * layer, self.shares.of_modes(values, layer, order)
+        return self.shares.correction * layer, self.shares.of_modes(values, layer, order)
 
 
 def layer_share(reach: float, order: int, steps: int = 1) -> float:
@@ -335,7 +347,7 @@ def amid(values: FloatArray) -> float:
 
 # of the loss: the error was 0.65 to 0.9 times it in bodies of one material, 0.6 to 1.6 times where plate and pillar differ,
 # and from once to 2.2 times it at clamped edges (`python -m studies.error_bars`); no more than the whole leaves K positive
-ALIKE, UNLIKE, CLAMPED = Shares(0.8, 0.25), Shares(1.0, 0.65), Shares(1.5, 0.75)
+ALIKE, UNLIKE, CLAMPED = ErrorFractions(0.8, 0.25), ErrorFractions(1.0, 0.65), ErrorFractions(1.5, 0.75)
 STRAINS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 ELEMENTS = 4096  # at a time
 
@@ -353,7 +365,7 @@ class StressRecovery:
     clamped: bool = False
 
     @property
-    def shares(self) -> Shares:
+    def shares(self) -> ErrorFractions:
         """Of the loss that is taken for the error, and what of it is uncertain."""
         if self.clamped:
             return CLAMPED
@@ -383,7 +395,7 @@ class StressRecovery:
         """
         field = pencil.expand(vectors)
         loss = (values - self.energies(field.reshape(-1, field.shape[2]))) / (2.0 * values)
-        return self.shares.taken * loss, self.shares.spread * np.abs(loss)
+        return self.shares.correction * loss, self.shares.uncertainty * np.abs(loss)
 
     def _projected(self, shapes: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
         """C (6, 6), b (6, corners, m) and M^-1 b of each material."""

@@ -38,10 +38,10 @@ import scipy.sparse as sp
 from scipy.linalg import eigh, eigvalsh
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
-from solvers.accuracy.mesh import Nested, Shares, StressRecovery, shares_of, smooth_half_width
+from solvers.accuracy.mesh import ErrorFractions, Nested, StressRecovery, shares_of, smooth_half_width
 from solvers.fem.assembly import on_components
 from solvers.fem.eigen import PlainPencil, count_below
-from solvers.fem.factor import Factoriser, side_by_side
+from solvers.fem.factor import Factoriser, parallel_map
 from solvers.superelement.cell import Cell, MeshError, ResidualModes, check_rigid
 from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.reduction import CellBuilder, SymmetryClass
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 WIDER = 1.15  # modes of the coarser mesh are sought so much higher: they lie above their partners
 MAX_SHARE = 0.9  # of K or M in any direction that is taken away: they stay positive
 RELATIVE_SHIFT = 1e-9
-NOTHING = 1e-10  # of the mean stiffness or mass of a function: rounding
+NULL_TOLERANCE = 1e-10  # of the mean stiffness or mass of a function: rounding
 NestedBuilder = Nested[CellBuilder]
 ALIKE = 0.5  # singular value of the modal overlap from which a direction has its partner on the coarser mesh
 
@@ -152,7 +152,7 @@ def extrapolated(
     fine: tuple[CellBuilder, list[SymmetryClass]],
     lower: NestedBuilder,
     layer: NestedBuilder | None,
-    shares: Shares,
+    shares: ErrorFractions,
     top_hz: float,
 ) -> Cell:
     """The cell of the finer mesh less the share of what the mesh without its innermost layer adds to K_r and M_r.
@@ -163,9 +163,9 @@ def extrapolated(
     builder, parts = fine
     meshes = [lower, layer] if layer else [lower]
     with one_thread():
-        changes = side_by_side(lambda mesh: _change(builder, parts, mesh, WIDER * top_hz, cell), meshes)
+        changes = parallel_map(lambda mesh: _change(builder, parts, mesh, WIDER * top_hz, cell), meshes)
     none = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
-    return _lowered(cell, builder, changes[1] if layer else none, changes[0], shares)
+    return _corrected(cell, builder, changes[1] if layer else none, changes[0], shares)
 
 
 def recovered(cell: Cell, builder: CellBuilder, parts: list[SymmetryClass], recovery: StressRecovery) -> Cell:
@@ -175,7 +175,7 @@ def recovered(cell: Cell, builder: CellBuilder, parts: list[SymmetryClass], reco
         for part, place in zip(parts, builder.places(parts), strict=True):
             own = builder.projected(part)[0] - recovery.energy(part.shapes)
             loss += builder.copies * place @ own @ place.T
-    return _lowered(cell, builder, ((loss + loss.T) / 2.0, none), (none, none), recovery.shares)
+    return _corrected(cell, builder, ((loss + loss.T) / 2.0, none), (none, none), recovery.shares)
 
 
 def mode_errors(
@@ -408,7 +408,7 @@ def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
     """How far the mesh may put each wave's frequency off; 0 for rigid-body waves.
 
     By Rayleigh's quotients with what coarser meshes change the cell by (`MeshError.changes`); what lower waves at the same
-    wavevector show of short ones, one to which the last order brought nothing may hide (`Shares.of_modes`).
+    wavevector show of short ones, one to which the last order brought nothing may hide (`ErrorFractions.of_modes`).
     """
     error = cell.mesh_error
     if error is None:
@@ -419,12 +419,12 @@ def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
     return MeshErrors(error.taken * layer, shares_of(error).of_modes(waves.eigenvalue, layer, order))
 
 
-def _lowered(
+def _corrected(
     cell: Cell,
     builder: CellBuilder,
     by_layer: tuple[FloatArray, FloatArray],
     by_order: tuple[FloatArray, FloatArray],
-    shares: Shares,
+    shares: ErrorFractions,
 ) -> Cell:
     """The cell less the share of its changes by the layer, as far as K and M stay positive; the rest counts as uncertain."""
     limits = [
@@ -432,8 +432,10 @@ def _lowered(
         for change, whole in zip(by_layer, _metrics(cell), strict=True)
         if change.any()
     ]
-    taken = min([shares.taken, *limits])
-    error = MeshError(*by_layer, *by_order, taken, shares.spread + shares.taken - taken, shares.edge, shares.order)
+    taken = min([shares.correction, *limits])
+    error = MeshError(
+        *by_layer, *by_order, taken, shares.uncertainty + shares.correction - taken, shares.edge, shares.order
+    )
     stiffness, mass = (
         whole - taken * change for whole, change in zip((cell.stiffness, cell.mass), by_layer, strict=True)
     )
@@ -502,10 +504,10 @@ def _largest(change: FloatArray, metric: FloatArray) -> float:
     """Largest eigenvalue of a change beside a metric, at least MAX_SHARE; functions that carry nothing are left out, those of
     free sides and those that a coarse mesh of tetrahedra cannot tell from others.
     """
-    prolonged = np.flatnonzero(np.diag(metric) > 0.0)
-    square, unit = np.ix_(prolonged, prolonged), np.sqrt(np.diag(metric)[prolonged])
+    nonzero = np.flatnonzero(np.diag(metric) > 0.0)
+    square, unit = np.ix_(nonzero, nonzero), np.sqrt(np.diag(metric)[nonzero])
     values, turn = eigh(metric[square] / np.outer(unit, unit))
-    kept = values > NOTHING
+    kept = values > NULL_TOLERANCE
     turn = turn[:, kept] / np.sqrt(values[kept]) / unit[:, None]
     return max(MAX_SHARE, float(eigvalsh(turn.T @ change[square] @ turn)[-1]))
 

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from geometry.elements import BoolArray, FloatArray, IntArray, gauss_lobatto, lagrange
-from geometry.layout import Pillar, Stand
+from geometry.layout import Pillar, PillarGroup
 from solvers.errors import SolverError
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import SIDES, VERTICES
@@ -211,14 +211,14 @@ class Panels:
         ]
         return tuple(inner) or SIDES
 
-    def stands(self, pillar: Pillar | None) -> tuple[Stand, ...]:
+    def stands(self, pillar: Pillar | None) -> tuple[PillarGroup, ...]:
         """The pillars on them, from their middle."""
         feet = self.grid.tiling.feet
         carrying = [place for place in self.places if place in feet]
         kinds: dict[Pillar | None, list[tuple[float, float]]] = {}
         for place in carrying:
             kinds.setdefault(self.grid.tiling.panel(*place).pillar or pillar, []).append(feet[place])
-        return tuple(Stand(kind, np.array(centres) - self.middle_m) for kind, centres in kinds.items() if kind)
+        return tuple(PillarGroup(kind, np.array(centres) - self.middle_m) for kind, centres in kinds.items() if kind)
 
     def clamped_dofs(self, i: int, j: int) -> IntArray:
         """Boundary degrees of freedom of panel (i, j), in its own order, on its clamped sides."""

@@ -20,7 +20,7 @@ from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
-from solvers.fem.factor import Factor, Factoriser, side_by_side
+from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import strength_force, target_symmetry
 from solvers.measures.target_mode import NONE, Found, Interval, Verdict, search, verdict
@@ -167,7 +167,7 @@ class ForcedPlate:
         def solved(group: Group) -> GroupModes:
             return group_modes(group, drive.band_hz, margin, self._kept.get(group.symmetries))
 
-        self.modes = side_by_side(solved, plate.groups, bytes_each)
+        self.modes = parallel_map(solved, plate.groups, bytes_each)
 
     @property
     def solved_hz(self) -> Interval:

@@ -28,14 +28,14 @@ import scipy.sparse.linalg as spla
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import Boxes, bonded_boxes, hex_mesh
 from geometry.hex.scenes import HexSettings, grid_lines
-from geometry.layout import Design, Stand, mirrored_axes
+from geometry.layout import Design, PillarGroup, mirrored_axes
 from geometry.materials import VOIGT, Material, PiezoMaterial
 from geometry.mesh import Mesh
 from geometry.tiling import Tiling, signature
-from solvers.accuracy.mesh import Shares, rim_shares
+from solvers.accuracy.mesh import ErrorFractions, rim_shares
 from solvers.errors import TooLarge
 from solvers.fem.assembly import Forms, System
-from solvers.fem.factor import Factor, Factoriser, side_by_side
+from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.solid import constrain, free_mask
 from solvers.fem.surface import face_quadrature
 from solvers.machine import check_room
@@ -107,7 +107,7 @@ class _Where:
 
 
 @dataclass
-class Beneath:
+class StaticCorrection:
     """Flexibility beneath the patches of one plate; places alike are computed once, and none that the cache has."""
 
     reductions: Reductions
@@ -118,21 +118,21 @@ class Beneath:
         """F at the nodes of a patch's bonded face, (3 b, 3 b), in the plate's scale. Raises SolverError for a panel that
         carries a pillar there.
         """
-        return self._lacking(plate, _Place.of(plate, patch, self.reductions, back))
+        return self._missing_flexibility(plate, _Place.of(plate, patch, self.reductions, back))
 
-    def shares(self, patch: BondedPatch) -> Shares:
+    def shares(self, patch: BondedPatch) -> ErrorFractions:
         """What of the mesh's error beneath a patch the mesh without its innermost layer tells."""
         ceramic = patch.material
         alike = Material.isotropic(ceramic.name, 1.0 / ceramic.s11, ceramic.density_kg_m3, -ceramic.s12 / ceramic.s11)
         shares = rim_shares(self.reductions.stack.material, alike, patch.mesh)
-        return replace(shares, spread=shares.spread + ROUGH * shares.taken)
+        return replace(shares, uncertainty=shares.uncertainty + ROUGH * shares.correction)
 
     def prepare(self, plate: AssembledPlate, patches: Iterable[BondedPatch], back: bool) -> None:
         """Compute what `flexibility` will ask for, distinct places side by side."""
         places = {place.key: place for place in (_Place.of(plate, each, self.reductions, back) for each in patches)}
-        side_by_side(lambda place: self._lacking(plate, place), places.values())
+        parallel_map(lambda place: self._missing_flexibility(plate, place), places.values())
 
-    def _lacking(self, plate: AssembledPlate, place: _Place) -> FloatArray:
+    def _missing_flexibility(self, plate: AssembledPlate, place: _Place) -> FloatArray:
         """What the reduced panels lack of the fine mesh's flexibility; the positive part of it is kept."""
         if place.key not in self._known:
             name = ("lacking", *self.made_of(place.panels))
@@ -196,7 +196,7 @@ class _Place:
     """A patch on the panels beneath it, with their pillars."""
 
     panels: Panels
-    stands: tuple[Stand, ...]
+    stands: tuple[PillarGroup, ...]
     patch: BondedPatch
     back: bool
     thickness_m: float
@@ -231,7 +231,7 @@ class _Place:
         span, axes = self.panels.span_m.copy(), list(mirrors)
         span.reshape(2, 2)[axes, 0] = 0.0
         stands = tuple(
-            Stand(each.pillar, each.centres[(each.centres[:, axes] > -each.pillar.footprint_m / 2.0).all(axis=1)])
+            PillarGroup(each.pillar, each.centres[(each.centres[:, axes] > -each.pillar.footprint_m / 2.0).all(axis=1)])
             for each in self.stands
         )
         return bonded_boxes(span, self.thickness_m, stands, self.box_m, self.back, self.patch.mesh)

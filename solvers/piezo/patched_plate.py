@@ -30,14 +30,14 @@ from scipy.linalg import eigh, svd
 
 from geometry.elements import FloatArray
 from geometry.layout import Design, mirrored_axes
-from solvers.accuracy.mesh import Shares, amid
+from solvers.accuracy.mesh import ErrorFractions, amid
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil, factor_near
 from solvers.fem.factor import Factoriser
 from solvers.measures.confinement import TouchField, target_shape, target_symmetry
 from solvers.piezo.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts
-from solvers.piezo.patch import Beneath, BondedPatch, bonded_patch
+from solvers.piezo.patch import BondedPatch, StaticCorrection, bonded_patch
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
 CLASSES = ("SS", "SA", "AS", "AA")
@@ -57,7 +57,7 @@ class CoarserBond:
     join: Callable[[], PlainPencil]
     loads: FloatArray
     inertia: FloatArray
-    shares: Shares
+    shares: ErrorFractions
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class PatchedPlate:
         patches: Sequence[BondedPatch],
         back: bool,
         name: str = "superelement",
-        beneath: Beneath | None = None,
+        beneath: StaticCorrection | None = None,
         at_hz: float = 0.0,
     ) -> None:
         if not patches:
@@ -343,7 +343,7 @@ class _Bond:
     """A patch by its meshes, the finest first, and the shares of what the coarser one changes."""
 
     parts: tuple[_Part, ...]
-    shares: Shares | None = None
+    shares: ErrorFractions | None = None
 
     def mirrored(self, flip: FloatArray) -> _Bond:
         """The same at its mirror image."""
@@ -411,13 +411,13 @@ def gains_at(
     return np.asarray(gain + (growth - 1.0)[:, None] * (vectors.T @ inertia))
 
 
-def joint_shares(shares: Sequence[Shares | None]) -> Shares | None:
-    """Shares that stand for those of several patches, uncertain by how they differ, too; None where one has none."""
+def joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | None:
+    """Mean error fractions of several patches, whose differences add to the uncertainty; None if one has none."""
     known = [each for each in shares if each is not None]
     if not known or len(known) < len(shares):
         return None
-    taken, spread = (np.array([getattr(each, name) for each in known]) for name in ("taken", "spread"))
-    return replace(known[0], taken=float(taken.mean()), spread=float(spread.max() + np.ptp(taken)))
+    correction, spread = (np.array([getattr(each, name) for each in known]) for name in ("correction", "uncertainty"))
+    return replace(known[0], correction=float(correction.mean()), uncertainty=float(spread.max() + np.ptp(correction)))
 
 
 def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
@@ -451,7 +451,7 @@ def extrapolated_modes(group: Group, values: FloatArray, vectors: FloatArray) ->
     if coarser is None or not len(values):
         return ExtrapolatedModes(values, vectors, gain, None, (heavy * values, heavy))
     stiffness, coarse_gain, known = _aligned(group, coarser, (values, heavy), gain)
-    share, spread = coarser.shares.taken, coarser.shares.spread
+    share, spread = coarser.shares.correction, coarser.shares.uncertainty
     stiffer, softer = _signed(stiffness - np.diag(values))
     better, turn = eigh(np.diag(values) - share * stiffer)
     change, against = (np.einsum("ij,ik,kj->j", turn, each, turn) for each in (stiffer + softer, softer))
@@ -475,7 +475,11 @@ def _images(folded: Sequence[tuple[str, FloatArray]]) -> list[tuple[int, FloatAr
 
 
 def _bonds(
-    patches: Mapping[str, BondedPatch], plate: AssembledPlate, back: bool, eigenvalue: float, beneath: Beneath | None
+    patches: Mapping[str, BondedPatch],
+    plate: AssembledPlate,
+    back: bool,
+    eigenvalue: float,
+    beneath: StaticCorrection | None,
 ) -> dict[str, _Bond]:
     """Patches on a plate that yields beneath them, on two meshes where they have two; on one without `beneath`."""
     meshed = {key: _meshes(patch, back, beneath) for key, patch in patches.items()}
@@ -490,14 +494,16 @@ def _bonds(
     }
 
 
-def _meshes(patch: BondedPatch, back: bool, beneath: Beneath | None) -> tuple[BondedPatch, ...]:
+def _meshes(patch: BondedPatch, back: bool, beneath: StaticCorrection | None) -> tuple[BondedPatch, ...]:
     """A patch by its meshes, the finest first."""
     if beneath is None or not patch.mesh.layers:
         return (patch,)
     return patch, bonded_patch(patch.material, patch.box_m, patch.thickness_m, back, patch.mesh.coarser)
 
 
-def _part(patch: BondedPatch, plate: AssembledPlate, back: bool, eigenvalue: float, beneath: Beneath | None) -> _Part:
+def _part(
+    patch: BondedPatch, plate: AssembledPlate, back: bool, eigenvalue: float, beneath: StaticCorrection | None
+) -> _Part:
     """The patch of one mesh on a plate that also gives way by F, the flexibility that its degrees of freedom q lack.
 
     w = E q - F (K_E w - theta V): with T = (I + F K_E)^-1 the plate feels K_E T, T'M_E T, the load T'theta, and the patch holds

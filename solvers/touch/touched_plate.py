@@ -26,7 +26,7 @@ from solvers.fem.factor import Factoriser
 from solvers.fem.solid import constrain, free_mask
 from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, grid_weights, positive_part
 from solvers.piezo.forced import ForcedPlate, GroupModes, residual_vectors
-from solvers.piezo.patch import Beneath
+from solvers.piezo.patch import StaticCorrection
 from solvers.piezo.patched_plate import Group
 from solvers.piezo.responses import face_motion
 from solvers.plates.assembled import Reductions
@@ -402,7 +402,7 @@ def power(touched: TouchedPlate, frequency_hz: float, loss_tangent: float | None
 MESH = HexSettings(order=3, layers=0, through=2)
 
 
-def missing_flexibility(plate: AssembledPlate, beneath: Beneath, finger: Finger) -> FloatArray | None:
+def missing_flexibility(plate: AssembledPlate, beneath: StaticCorrection, finger: Finger) -> FloatArray | None:
     """F of a finger's moments on a plate, (moments, moments) in m/N, its positive part; None where no mesh of hexahedra has
     the panels' pillars or the factorisation is too large.
     """

@@ -91,7 +91,7 @@ def conjugated_mass(patch: pytest.MonkeyPatch) -> None:
 
 def dropped_mode(patch: pytest.MonkeyPatch) -> None:
     """Every solve returns one mode too few, and its count with it: only what a proof knows by itself can tell."""
-    real = eigen._Solver.proven
+    real = eigen._Solver.verified
 
     def wrong(self: Any, *given: Any) -> eigen.Modes:
         modes = real(self, *given)
@@ -99,7 +99,7 @@ def dropped_mode(patch: pytest.MonkeyPatch) -> None:
         count = replace(modes.count, expected=int(kept.sum()), found=int(kept.sum()))
         return replace(modes, frequency_hz=modes.frequency_hz[kept], vectors=modes.vectors[:, kept], count=count)
 
-    patch.setattr(eigen._Solver, "proven", wrong)
+    patch.setattr(eigen._Solver, "verified", wrong)
 
 
 def forgetful_lanczos(patch: pytest.MonkeyPatch) -> None:
