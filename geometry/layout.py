@@ -140,7 +140,7 @@ class Pillar:
         return tuple(name for name in self.form.mirrors if all(name in law.mirrors for law in laws))
 
     @property
-    def is_own_image(self) -> bool:
+    def is_symmetric(self) -> bool:
         """True when the pillar is its own mirror image in x and y."""
         return {"x", "y"} <= {*self.mirrors}
 
@@ -172,7 +172,7 @@ def region_materials(stack: Stack, pillar: Pillar | None) -> dict[str, Material]
 
 
 @dataclass(frozen=True)
-class Stand:
+class PillarGroup:
     """Equal pillars and where they stand: centres (n, 2), m."""
 
     pillar: Pillar
@@ -324,7 +324,7 @@ class Design:
     def is_mirrored(self) -> bool:
         """True when the plate is its own mirror image in x = 0 and y = 0: its quarter stands for the whole."""
         pillar = self.pillar if self.rows else None
-        return {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_own_image)
+        return {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_symmetric)
 
     @property
     def lattice(self) -> Lattice:
@@ -386,11 +386,11 @@ class Design:
         lines = [(self.column_centres(numbers[place]), y[place]) for place in places]
         return np.concatenate([np.empty((0, 2)), *(np.column_stack([x, np.full(len(x), at)]) for x, at in lines)])
 
-    def standing(self) -> tuple[Stand, ...]:
+    def standing(self) -> tuple[PillarGroup, ...]:
         """Every kind of pillar with the centres where it stands."""
         pillars = [self.row_pillars[number] for number in self.row_numbers]
         kinds = {kind: [row for row, pillar in enumerate(pillars) if pillar == kind] for kind in dict.fromkeys(pillars)}
-        return tuple(Stand(kind, self._centres(own)) for kind, own in kinds.items())
+        return tuple(PillarGroup(kind, self._centres(own)) for kind, own in kinds.items())
 
 
 # -- patches -----------------------------------------------------------------------------------------------------------

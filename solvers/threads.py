@@ -45,7 +45,7 @@ def _set_heap() -> None:
 _set_heap()
 
 
-class Abandoned(Exception):
+class Cancelled(Exception):
     """Nobody waits for this task any more."""
 
 
@@ -63,13 +63,13 @@ def threads() -> int:
     return 1 if _task.abandoned else workers()
 
 
-def go_on() -> None:
-    """Raise Abandoned within a task whose command was interrupted; asked before every factorisation."""
+def raise_if_cancelled() -> None:
+    """Raise Cancelled within a task whose command was interrupted; called before every factorisation."""
     if _task.abandoned and _task.abandoned.is_set():
-        raise Abandoned
+        raise Cancelled
 
 
-def side_by_side(
+def parallel_map(
     function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0, room: float = float("inf")
 ) -> list[Result]:
     """The function of every item, as many at once as there are threads and as `room` bytes hold, `bytes_each` each.
@@ -86,7 +86,7 @@ def side_by_side(
     def alone(item: Item) -> Result:
         _task.abandoned = abandoned
         try:
-            go_on()
+            raise_if_cancelled()
             return function(item)
         finally:
             _task.abandoned = None
@@ -94,7 +94,7 @@ def side_by_side(
     if count < 2:
         with one_thread():
             return [alone(item) for item in chosen]
-    with one_thread(), _brisk():
+    with one_thread(), _short_switch_interval():
         try:
             futures = _submitted(alone, chosen, count)
             while wait(futures, timeout=HEARD_S).not_done:
@@ -106,7 +106,7 @@ def side_by_side(
 
 
 @contextmanager
-def _brisk() -> Iterator[None]:
+def _short_switch_interval() -> Iterator[None]:
     """Threads take turns more often within the block."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(min(before, WAIT_S))

@@ -20,7 +20,7 @@ from scipy.linalg import eigh
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import Boxes, bonded_boxes, hex_mesh
 from geometry.hex.scenes import Grading, HexSettings, grid_lines
-from geometry.layout import Design, Stand, region_materials
+from geometry.layout import Design, PillarGroup, region_materials
 from geometry.materials import PIEZO_MATERIALS, Material, PiezoMaterial
 from geometry.mesh import Mesh
 from solvers.fem.assembly import System, assemble
@@ -243,7 +243,9 @@ def _plate(bonded: BondedPlate, layers: int) -> Boxes:
     """The quarter x, y >= 0 of plate and pillars."""
     design = bonded.design
     reach = design.footprint_m / 2.0 if design.rows else 0.0
-    stands = tuple(Stand(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in design.standing())
+    stands = tuple(
+        PillarGroup(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in design.standing()
+    )
     span = np.array([0.0, design.length_m / 2.0, 0.0, design.half_span_m])
     settings = HexSettings(3, SIZE_M, layers, SHRINK)
     return bonded_boxes(span, design.thickness_m, stands, bonded.box_m, bonded.is_on_back, settings)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import GeometryError, MeshError
-from geometry.layout import Design, Pillar, Stand
+from geometry.layout import Design, Pillar, PillarGroup
 from geometry.tiling import Panel
 
 MM = 1e3  # mm per m
@@ -179,7 +179,7 @@ def pillar_solid(pillar: Pillar) -> Body:
 
     Raises GeometryError when the shape or its fillet cannot be built, or the STEP file is not a pillar.
     """
-    tips = _tips(Stand(pillar, np.zeros((1, 2))), 0.0, "")
+    tips = _tips(PillarGroup(pillar, np.zeros((1, 2))), 0.0, "")
     if not tips:
         return Body(_pillar_shape(pillar), 0.0)
     shape = _share_faces([_pillar_shape(pillar), *_solids(tips)])
@@ -193,7 +193,7 @@ def zone_solid(design: Design, mirrors: str = "") -> Body:
 
 def cell_solid(design: Design, mirrors: str = "") -> Body:
     """The unit cell, pitch_x x pitch_y x thickness, centred, its pillar in the middle; bare without a pillar."""
-    stands = (Stand(design.pillar, np.zeros((1, 2))),) if design.pillar else ()
+    stands = (PillarGroup(design.pillar, np.zeros((1, 2))),) if design.pillar else ()
     return _assemble(design, (design.pitch_x_m, design.pitch_y_m), stands, mirrors)
 
 
@@ -205,7 +205,7 @@ def panel_solid(design: Design, panel: Panel) -> Body:
     size = np.array(panel.high) - np.array(panel.low)
     mirrors = "".join("xy"[axis] for axis in panel.halved)
     pillar = panel.pillar or design.pillar
-    stands = (Stand(pillar, np.array([panel.foot]) - np.array(panel.middle)),) if pillar and panel.foot else ()
+    stands = (PillarGroup(pillar, np.array([panel.foot]) - np.array(panel.middle)),) if pillar and panel.foot else ()
     return _assemble(design, (float(size[0]), float(size[1])), stands, mirrors)
 
 
@@ -248,7 +248,7 @@ def cad_surface(shape: Any, deflection: float, angle: float = ANGULAR_DEFLECTION
     return _joined(corners, faces)
 
 
-def _assemble(design: Design, size_m: tuple[float, float], stands: tuple[Stand, ...], mirrors: str) -> Body:
+def _assemble(design: Design, size_m: tuple[float, float], stands: tuple[PillarGroup, ...], mirrors: str) -> Body:
     """Parts of the plate's material united, those of another one bonded to it."""
     pillars = [pillar for each in stands for pillar in _standing(each, design.thickness_m, mirrors)]
     tips = tuple(box for each in stands for box in _tips(each, design.thickness_m, mirrors))
@@ -265,7 +265,7 @@ def _solids(boxes: tuple[Box, ...]) -> list[Any]:
     return [_box(np.array(box.low), np.array(box.high)) for box in boxes]
 
 
-def _tips(stand: Stand, thickness_m: float, mirrors: str) -> tuple[Box, ...]:
+def _tips(stand: PillarGroup, thickness_m: float, mirrors: str) -> tuple[Box, ...]:
     """Heavy tips whose material is not their pillar's, cut by the mirrors, those beyond one left out."""
     pillar, tip = stand.pillar, stand.pillar.tip
     if tip is None or tip.material == pillar.material:
@@ -283,7 +283,7 @@ def _tips(stand: Stand, thickness_m: float, mirrors: str) -> tuple[Box, ...]:
     return tuple(boxes)
 
 
-def _standing(stand: Stand, thickness_m: float, mirrors: str) -> list[Any]:
+def _standing(stand: PillarGroup, thickness_m: float, mirrors: str) -> list[Any]:
     """Pillars moved to their places on one face or both, those on a mirror cut by it, those beyond it left out."""
     import cadquery as cq
 

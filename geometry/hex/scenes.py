@@ -11,7 +11,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.errors import MeshError
-from geometry.layout import Design, Pillar, Stand
+from geometry.layout import Design, Pillar, PillarGroup
 from geometry.tiling import Panel, lattice_panel
 
 # -- lines -------------------------------------------------------------------------------------------------------------
@@ -196,14 +196,14 @@ def panel_scene(panel: Panel, thickness_m: float, pillar: Pillar | None, setting
         half = (panel.high[axis] - panel.low[axis]) / 2.0
         spans.append(_span(half, False, axis in panel.halved))
     pillar = panel.pillar or pillar
-    stands = (Stand(pillar, np.array([panel.foot]) - middle),) if pillar and panel.foot else ()
+    stands = (PillarGroup(pillar, np.array([panel.foot]) - middle),) if pillar and panel.foot else ()
     return _plate_with_pillars(thickness_m, settings, stands, *spans)
 
 
 def bonded_scene(
     span_m: FloatArray,
     thickness_m: float,
-    stands: tuple[Stand, ...],
+    stands: tuple[PillarGroup, ...],
     box_m: FloatArray,
     back: bool,
     settings: HexSettings,
@@ -242,7 +242,7 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
     y |= {v: False for v in borders if v >= min(y)}
     stands, reach = design.standing(), design.footprint_m / 2.0
     if quarter:
-        stands = tuple(Stand(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in stands)
+        stands = tuple(PillarGroup(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in stands)
     return _plate_with_pillars(design.thickness_m, settings, stands, x, y)
 
 
@@ -261,7 +261,7 @@ def _span(half: float, singular: bool, quarter: bool) -> dict[float, bool]:
 def _plate_with_pillars(
     thickness_m: float,
     settings: HexSettings,
-    stands: tuple[Stand, ...],
+    stands: tuple[PillarGroup, ...],
     x: dict[float, bool],
     y: dict[float, bool],
 ) -> Scene:

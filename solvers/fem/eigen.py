@@ -22,11 +22,13 @@ from solvers.fem.factor import Factor, Factoriser
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
 ORTHONORMAL = 1e-8
-CLEAN = RESIDUAL / 100.0  # above it a solve was disturbed: rounding leaves 1e-16, the stop rule of Lanczos 1e-13
+CLEAN_RESIDUAL = (
+    RESIDUAL / 100.0
+)  # above it a solve was disturbed: rounding leaves 1e-16, the stop rule of Lanczos 1e-13
 PASSES = 3  # over the pairs that are not clean
 # shares of the pencil's norm ratio tried as the floor above rigid-body modes
 RIGID = tuple(10.0**-n for n in range(9, 16))
-LOST = 0.02  # relative error of a frequency by rounding above which it is refused
+MAX_ROUND_OFF = 0.02  # relative error of a frequency by rounding above which it is refused
 SLIGHT = 1e-8  # of a frequency: rounding that needs no closer look
 EPSILON = float(np.finfo(float).eps)
 # eigenpairs of a slice that cost less from the factor at its end, beside as many beyond it, than another factor
@@ -128,7 +130,7 @@ def modes_in_band(
     low = low if low > RIGID[0] * solver.norm_ratio else max(low, solver.rigid_limit)
     below_low = solver.count_below(low) if low > 0.0 else 0
     values, vectors = solver.between(low, high, below_low, solver.count_below(high))
-    return solver.proven(values, vectors, low, high, below_low)
+    return solver.verified(values, vectors, low, high, below_low)
 
 
 def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | Shared | None = None) -> Modes:
@@ -159,7 +161,7 @@ def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | S
             below = solver.count_below(low) if low > 0.0 else 0
     if len(values) < count:
         raise CountMismatch(f"{len(values)} of {count} modes near {near_hz:.6g} Hz stand up to the count by inertia")
-    return solver.proven(values, vectors, low, high, below)
+    return solver.verified(values, vectors, low, high, below)
 
 
 def factor_near(
@@ -329,7 +331,7 @@ class _Solver:
         # near 0 Hz the shift lies between rigid and elastic modes: anything relative to the norms may lie far beyond both
         for factor, shift in self.factors(target if target > 0.0 else self.rigid_limit, SEARCHED):
             values, vectors = self.lanczos(factor.solve, shift, count)
-            if (self.residual(values, vectors) <= CLEAN).any():
+            if (self.residual(values, vectors) <= CLEAN_RESIDUAL).any():
                 break
         return values, vectors
 
@@ -348,7 +350,7 @@ class _Solver:
         """
         values, vectors = self._krylov(solve, shift, count)
         for _ in range(PASSES):
-            clean = self.residual(values, vectors) <= CLEAN
+            clean = self.residual(values, vectors) <= CLEAN_RESIDUAL
             if clean.all() or not clean.any():
                 break
             kept = vectors[:, clean]
@@ -444,7 +446,7 @@ class _Solver:
             return None
         factor, shift = self._at_end
         values, vectors = self._inside(factor.solve, shift, low, high, 2 * expected + 4)
-        clean = len(values) == expected and (self.residual(values, vectors) <= CLEAN).all()
+        clean = len(values) == expected and (self.residual(values, vectors) <= CLEAN_RESIDUAL).all()
         return (values, vectors) if clean else None
 
     def _inside(
@@ -493,7 +495,7 @@ class _Solver:
             "move the ends of the band away from a mode or ask for a narrower band"
         )
 
-    def proven(self, values: FloatArray, vectors: FloatArray, low: float, high: float, below_low: int) -> Modes:
+    def verified(self, values: FloatArray, vectors: FloatArray, low: float, high: float, below_low: int) -> Modes:
         """Normalise, check residuals and orthonormality, and attach the count."""
         scale = self.pencil.scale
         residual, heavy = self.residual(values, vectors), self.images(vectors)[1]
@@ -526,10 +528,10 @@ class _Solver:
         if bound.max() <= SLIGHT:
             return np.asarray(bound)
         rounding = share * np.einsum("ik,ik->k", size, abs(self.pencil.stiffness) @ size)
-        if rounding.max() > LOST:
+        if rounding.max() > MAX_ROUND_OFF:
             raise SolverError(
-                f"rounding alone changes a frequency by {100.0 * rounding.max():.2g} % (allowed {100.0 * LOST:.0f} %): "
-                "the body is too slender or its materials are too unlike for one solid mesh; use plate or beam theory"
+                f"rounding alone changes a frequency by {100.0 * rounding.max():.2g} % (limit {100.0 * MAX_ROUND_OFF:.0f} %): "
+                "the body is too slender, or its materials differ too much, for a single solid mesh; use plate or beam theory"
             )
         return np.asarray(rounding)
 

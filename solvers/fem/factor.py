@@ -26,8 +26,8 @@ from geometry.elements import FloatArray, IntArray
 from solvers import machine
 from solvers.errors import SingularShift, SolverError, TooLarge
 from solvers.machine import foresee, room_bytes, workers
-from solvers.threads import Item, Result, go_on, one_thread, threads
-from solvers.threads import side_by_side as in_threads
+from solvers.threads import Item, Result, one_thread, raise_if_cancelled, threads
+from solvers.threads import parallel_map as in_threads
 
 BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
 
@@ -53,7 +53,7 @@ PROBES = 3  # sweeps that measure the contraction: a power iteration from a rand
 
 Thing = TypeVar("Thing")
 Other = TypeVar("Other")
-_idle: deque[Keeper] = deque()
+_free_owners: deque[OwnerThread] = deque()
 FILLED = 10.0  # factor over matrix, bytes: beyond, the body is no plate, and nested dissection may fill less than minimum fill
 ANALYSIS_BYTES = 60  # measured peak of the analysis an entry of the matrix
 COPY_BYTES = 30  # what of it is still in memory, an entry, while the factor is made; rslab's own plan leaves it out
@@ -183,7 +183,7 @@ class SuperLU:
 class Rslab:
     """L D L' with the inertia of D's blocks of one and two; a symbolic analysis of another pattern is made anew."""
 
-    def __init__(self, matrix: sp.csc_array, symbolic: Kept[Any] | None = None) -> None:
+    def __init__(self, matrix: sp.csc_array, symbolic: ThreadBound[Any] | None = None) -> None:
         try:
             self.symbolic = symbolic or _analysed(matrix)
             self._factor = self._made(matrix)
@@ -196,7 +196,7 @@ class Rslab:
         if zero:
             raise SingularShift(f"the shifted matrix has {zero} zero pivot(s)")
 
-    def _made(self, matrix: sp.csc_array) -> Kept[Any]:
+    def _made(self, matrix: sp.csc_array) -> ThreadBound[Any]:
         plan = self.symbolic.use(lambda own: dict(own.memory_plan()))
         self.foreseen_bytes = foresee(plan["peak_bytes"] + COPY_BYTES * matrix.nnz, matrix.shape[0])
         self.memory_bytes = int(plan["factor_bytes"])
@@ -241,7 +241,7 @@ class Factoriser:
 
     def __call__(self, matrix: sp.csc_array) -> Factor:
         """Factor of a symmetric matrix. Raises SingularShift when it is singular to working precision, TooLarge."""
-        go_on()
+        raise_if_cancelled()
         factor = (Rslab if self.backend == "rslab" else SuperLU)(matrix, self._symbolic)
         self._symbolic = factor.symbolic
         _probe(matrix, factor)
@@ -260,19 +260,19 @@ class Ordering:
     pattern: bytes
 
 
-class Alone:
+class CallingThread:
     """The asking thread itself, where the process may use no other: handing over would cost and protect nothing."""
 
     def run(self, call: Callable[[], Other]) -> Other:
         """The call's result or exception."""
         return call()
 
-    def later(self, call: Callable[[], Any]) -> None:
+    def submit(self, call: Callable[[], Any]) -> None:
         """Do the call now."""
         call()
 
 
-class Keeper:
+class OwnerThread:
     """A thread that does one call after another and lives as long as the process."""
 
     def __init__(self) -> None:
@@ -283,9 +283,9 @@ class Keeper:
 
     def run(self, call: Callable[[], Other]) -> Other:
         """The call's result or exception, neither of which may hold anything of the library."""
-        return self.later(call).result()
+        return self.submit(call).result()
 
-    def later(self, call: Callable[[], Other]) -> Future[Other]:
+    def submit(self, call: Callable[[], Other]) -> Future[Other]:
         """Do the call when those before it are done; a finalizer may ask this at any moment."""
         answer: Future[Other] = Future()
         self._calls.put((call, answer))
@@ -296,31 +296,31 @@ class Keeper:
             _answered(*self._calls.get())
 
 
-class Kept(Generic[Thing]):
+class ThreadBound(Generic[Thing]):
     """A handle to what `make` gives; the thing itself never leaves its keeper, which frees it when the handle goes."""
 
-    def __init__(self, make: Callable[[], Thing], keeper: Alone | Keeper | None = None) -> None:
+    def __init__(self, make: Callable[[], Thing], keeper: CallingThread | OwnerThread | None = None) -> None:
         box: list[Thing] = []
-        self._box, self._keeper = box, keeper or (_ALONE if workers() == 1 else _own.lease.keeper)
+        self._box, self._keeper = box, keeper or (_CALLING_THREAD if workers() == 1 else _own.lease.keeper)
         self._keeper.run(lambda: box.append(make()))
-        finalize(self, self._keeper.later, box.clear)
+        finalize(self, self._keeper.submit, box.clear)
 
     def use(self, function: Callable[[Thing], Other]) -> Other:
         """What the function tells of the thing."""
         box = self._box
         return self._keeper.run(lambda: function(box[0]))
 
-    def make(self, function: Callable[[Thing], Other]) -> Kept[Other]:
+    def make(self, function: Callable[[Thing], Other]) -> ThreadBound[Other]:
         """What the function makes of the thing, kept beside it."""
         box = self._box
-        return Kept(lambda: function(box[0]), self._keeper)
+        return ThreadBound(lambda: function(box[0]), self._keeper)
 
     def free(self) -> None:
         """Free the thing now; it cannot be used afterwards."""
         self._keeper.run(self._box.clear)
 
 
-_ALONE = Alone()
+_CALLING_THREAD = CallingThread()
 
 
 class _Lease:
@@ -328,10 +328,10 @@ class _Lease:
 
     def __init__(self) -> None:
         try:
-            self.keeper = _idle.pop()
+            self.keeper = _free_owners.pop()
         except IndexError:
-            self.keeper = Keeper()
-        finalize(self, _idle.append, self.keeper).atexit = False
+            self.keeper = OwnerThread()
+        finalize(self, _free_owners.append, self.keeper).atexit = False
 
 
 class _Own(threading.local):
@@ -354,7 +354,7 @@ def _answered(call: Callable[[], Any], answer: Future[Any]) -> None:
 _own = _Own()
 
 
-def side_by_side(function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0) -> list[Result]:
+def parallel_map(function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0) -> list[Result]:
     """The function of every item, each of which factorises: in threads, as memory holds."""
     return in_threads(function, items, bytes_each, room_bytes())
 
@@ -544,11 +544,11 @@ def _reordered(matrix: sp.csc_array, order: IntArray) -> sp.csc_array:
     return moved
 
 
-def _analysed(matrix: sp.csc_array) -> Kept[Any]:
+def _analysed(matrix: sp.csc_array) -> ThreadBound[Any]:
     """Ordered by minimum fill; by nested dissection, which takes three times as long, where that fills too much."""
     foresee(ANALYSIS_BYTES * matrix.nnz, matrix.shape[0])
     at_once = threads()  # the asking thread's, not the keeper's
-    return Kept(lambda: _best(matrix, at_once))
+    return ThreadBound(lambda: _best(matrix, at_once))
 
 
 def _best(matrix: sp.csc_array, at_once: int) -> Any:

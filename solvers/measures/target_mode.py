@@ -21,13 +21,13 @@ from geometry.elements import FloatArray
 # The constants are argued on the 54 plates of studies/grid.toml, whose table lists status, strength and share of
 # each: all plates that hold their mode by 10 dB are single, those whose shape is spread over several modes are split.
 
-SIMILAR = 0.5  # MAC: below it less than half of the zone's motion is the target shape
-CLEAR = 0.8  # MAC from which one mode may carry the shape alone
+MIN_MAC = 0.5  # MAC: below it less than half of the zone's motion is the target shape
+MIN_MAC_SINGLE = 0.8  # MAC from which one mode may carry the shape alone
 LEAD = 1.5  # over the strongest rival: by less, another design or mesh turns the two over
 MAJORITY = 0.5  # of all weights in the window: more than all others together
-PAST = 0.2  # of the target frequency on both sides: as far as a window has to reach before it can tell
+WINDOW_MARGIN = 0.2  # of the target frequency on both sides: as far as a window has to reach before it can tell
 RIVAL = 0.25  # of the best weight: others that are named
-NAMED = 3  # rivals at most
+MAX_RIVALS = 3  # rivals at most
 
 Status = Literal["single", "split", "none"]
 BoolArray = NDArray[np.bool_]
@@ -83,22 +83,22 @@ def verdict(
     modal_overlap, weights = np.nan_to_num(mac), weight(strength, zone_share, mac)
     everything = np.ones(len(weights), dtype=bool)
     candidate, near = (everything if mask is None else mask for mask in (candidate, near))
-    candidates = np.where(candidate & (modal_overlap >= SIMILAR), weights, 0.0)
+    candidates = np.where(candidate & (modal_overlap >= MIN_MAC), weights, 0.0)
     if not candidates.any():
         return NONE
     best = int(np.argmax(candidates))
     strongest_other = max(np.delete(weights, best).max(initial=0.0), missing)
-    clear = modal_overlap[best] >= CLEAR and weights[best] >= LEAD * strongest_other
+    clear = modal_overlap[best] >= MIN_MAC_SINGLE and weights[best] >= LEAD * strongest_other
     share = float(weights[best] / weights[near | (np.arange(len(weights)) == best)].sum())
     rivals = tuple(
         int(i) for i in np.argsort(-weights, kind="stable") if i != best and weights[i] >= RIVAL * weights[best]
     )
-    return Verdict("single" if clear and share >= MAJORITY else "split", best, rivals[:NAMED], share)
+    return Verdict("single" if clear and share >= MAJORITY else "split", best, rivals[:MAX_RIVALS], share)
 
 
-def reaching(window_hz: tuple[float, float], frequency_hz: float) -> tuple[float, float]:
+def widened_window(window_hz: tuple[float, float], frequency_hz: float) -> tuple[float, float]:
     """The window, widened until it reaches past a mode on both sides."""
-    low, high = (1.0 - PAST) * frequency_hz, (1.0 + PAST) * frequency_hz
+    low, high = (1.0 - WINDOW_MARGIN) * frequency_hz, (1.0 + WINDOW_MARGIN) * frequency_hz
     return min(window_hz[0], low), max(window_hz[1], high)
 
 
@@ -196,7 +196,7 @@ def search(
         found = _judged(_within(known, reach), window_hz[0], ends, reach)
         if found.verdict.index is None:
             break
-        wider = reaching(ends, found.modes[found.verdict.index].frequency_hz)
+        wider = widened_window(ends, found.modes[found.verdict.index].frequency_hz)
         if wider != ends:
             ends, reach = wider, (min(reach[0], wider[0]), max(reach[1], wider[1]))
             continue

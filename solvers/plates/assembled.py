@@ -19,11 +19,11 @@ from geometry.layout import Design, Pillar, region_materials
 from geometry.materials import Stack
 from geometry.mesh import Mesh, check_mesh
 from geometry.tiling import Panel, Signature, signature, tile
-from solvers.accuracy.mesh import Nested, Shares, StressRecovery, rim_shares
+from solvers.accuracy.mesh import ErrorFractions, Nested, StressRecovery, rim_shares
 from solvers.accuracy.reduction import extrapolated, recovered
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.eigen import PlainPencil
-from solvers.fem.factor import side_by_side
+from solvers.fem.factor import parallel_map
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
@@ -147,9 +147,11 @@ class Reductions:
         def extrapolate(cell: Cell, fine: CellBuilder, parts: list[SymmetryClass]) -> Cell:
             mesh = self._mesh(panel, settings)
             meshes = [replace(settings, order=settings.order - 1), *([settings.coarser] if at_rim else [])]
-            lower, *layer = side_by_side(lambda other: nested(mesh, other), meshes)
+            lower, *layer = parallel_map(lambda other: nested(mesh, other), meshes)
             if not at_rim or self.pillar is None:
-                return extrapolated(cell, (fine, parts), lower, None, Shares(order=settings.order), reduction.top_hz)
+                return extrapolated(
+                    cell, (fine, parts), lower, None, ErrorFractions(order=settings.order), reduction.top_hz
+                )
             own = self.pillar_of(panel) or self.pillar
             shares = rim_shares(self.stack.back, own.material, settings, *own.joints, wall=own.wall_angle)
             return extrapolated(cell, (fine, parts), lower, layer[0], shares, reduction.top_hz)
@@ -209,7 +211,7 @@ class PlateModel:
         for panel in starmap(self.tiling.panel, self.tiling.representatives(whole)):
             if (name := signature(panel)) not in self.cells:
                 fresh.setdefault(name, panel)
-        cells = side_by_side(self.reductions.cell, fresh.values(), self._bytes_each)
+        cells = parallel_map(self.reductions.cell, fresh.values(), self._bytes_each)
         self.cells |= dict(zip(fresh, cells, strict=True))
 
     @cached_property

@@ -25,7 +25,7 @@ from solvers.superelement.cell import Cell, Expansion, SurfaceRule, with_further
 from solvers.superelement.interface import OFFSETS, SIDES, VERTICES, Interface
 
 WHOLE = ""  # no mirror: every panel is assembled
-DUST = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
+DROP_TOLERANCE = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
 RIGID_OF_CLASS = {"SS": 1, "SA": 2, "AS": 2, "AA": 1, WHOLE: 6}
 
 
@@ -163,7 +163,7 @@ class AssembledPlate:
 def _entries(matrix: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Rows, columns and values of a cell's matrix, but for what rounding left of entries that symmetry makes zero."""
     size = np.sqrt(np.abs(np.diag(matrix)))
-    row, column = np.nonzero(np.abs(matrix) > DUST * np.outer(size, size))
+    row, column = np.nonzero(np.abs(matrix) > DROP_TOLERANCE * np.outer(size, size))
     return row, column, matrix[row, column]
 
 

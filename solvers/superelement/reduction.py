@@ -20,7 +20,7 @@ from geometry.mesh import AnyMesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import System, on_components
 from solvers.fem.eigen import PlainPencil, Shared, lowest_hz, modes_in_band
-from solvers.fem.factor import Factor, Factoriser, side_by_side
+from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.solid import constrain, free_mask, rigid_body_modes
 from solvers.fem.surface import skin_faces
 from solvers.superelement.cell import Cell, Expansion, check_rigid, mirrored, places_of, rigid_polynomials
@@ -164,7 +164,7 @@ class CellBuilder:
         turned = {(-1, 1)} if self.diagonal is not None else set()
         tasks = [(signs, half) for signs in classes if signs not in turned for half in self._halves(signs)]
         named = [(dict(zip(self.halved, signs, strict=True)), half) for signs, half in tasks]
-        reduced = side_by_side(lambda task: self.reduce(*task, top_hz, bounded), named)
+        reduced = parallel_map(lambda task: self.reduce(*task, top_hz, bounded), named)
         parts = {
             signs: _together([part for task, part in zip(tasks, reduced, strict=True) if task[0] == signs])
             for signs, _ in tasks
@@ -242,7 +242,7 @@ class CellBuilder:
         system, interface = self.system, self.interface
         fixed = np.concatenate([part.fixed_hz for part in parts])
         places = self.places(parts)
-        side_by_side(self.projected, [part for part in parts if not part.turned])
+        parallel_map(self.projected, [part for part in parts if not part.turned])
         stiffness, mass, pillar = (np.zeros((places[0].shape[0],) * 2) for _ in range(3))
         for part, place in zip(parts, places, strict=True):
             for whole, own in zip((stiffness, mass, pillar), self.projected(part), strict=True):

@@ -216,7 +216,7 @@ def test_a_search_that_begins_on_a_mode_finds_its_neighbours_too(backend: str, d
         modes = modes_near(body, truth[index] * (1.0 + distance), 6, backend)
         first = int(np.argmin(np.abs(truth - modes.frequency_hz[0] * (1.0 - 1e-9))))
         assert np.allclose(modes.frequency_hz, truth[first : first + len(modes.frequency_hz)], rtol=1e-8)
-        assert modes.residual.max() <= eigen.CLEAN
+        assert modes.residual.max() <= eigen.CLEAN_RESIDUAL
 
 
 def test_ten_equal_eigenvalues_are_all_found() -> None:
