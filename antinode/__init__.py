@@ -1,11 +1,11 @@
-"""Touch plates that hold their vibration, from one case to modes, bands, confinement and response.
+"""Touch plates that confine their vibration, from a single case to modes, bands, confinement and response.
 
     import antinode
     plate = antinode.load("examples/small.toml")
     bands = plate.bands()
     bands.plot()
 
-Nothing heavy is imported until something is computed.
+Heavy libraries are imported only when a computation needs them.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ ANSWERS = (  # results of questions
     *("Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign", "Response"),
     *("Search", "Tolerance", "Touch", "Travel"),
 )
-HOMES = {  # where each public name stands, and by which name
+HOMES = {  # module of each public name, and its name there
     **dict.fromkeys(("AntinodeWarning", "Plate", "load"), "antinode.plate"),
     **dict.fromkeys(("SweepTable", "open", "sweep"), "antinode.sweeps"),
     **dict.fromkeys(TABLES, "pipeline.case.schema"),

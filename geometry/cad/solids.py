@@ -27,7 +27,7 @@ SAME_VOLUME = 1e-6  # relative: two booleans of one solid agree to the kernel's 
 SAME_POINT_MM = 1e-7  # the kernel's own confusion distance
 SMOOTH = np.cos(np.radians(20.0))  # faces that meet at less have no edge a mesh of this coarseness could follow
 ALONG_AXIS = 1e-9  # a normal this close to an axis is that axis
-ANGULAR_DEFLECTION = 0.6  # rad: a mesher needs the shape of a curve, not its gloss
+ANGULAR_DEFLECTION = 0.6  # rad: a mesher needs the shape of a curve, not a smooth picture of it
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class CadSurface:
         return np.asarray(self.face_of[_skin(self.points, self.triangles).find_closest_cell(points)])
 
     def encloses(self, points: FloatArray) -> FloatArray:
-        """Which points lie inside the outer surface (faces between bonded solids left out), shape (n,) bool."""
+        """Mask of the points inside the outer surface (faces between bonded solids ignored), shape (n,) bool."""
         from pyvista import PolyData
 
         outer = ~np.array([face.inner for face in self.faces])[self.face_of]
@@ -308,7 +308,7 @@ def _standing(stand: PillarGroup, thickness_m: float, mirrors: str) -> list[Any]
 
 
 def _half(shape: Any, mirrors: str) -> Any:
-    """The part of a centred shape at x >= 0 and/or y >= 0, after proving that the other part mirrors it."""
+    """Part of a centred shape at x >= 0 and/or y >= 0, after checking that the rest is its mirror image."""
     size = 4.0 * shape.BoundingBox().DiagonalLength
     low, high = np.full(3, -size), np.full(3, size)
     for letter in mirrors:
@@ -385,7 +385,9 @@ def _share_faces(solids: list[Any]) -> Any:
     shape = cq.Shape.cast(builder.Shape())
     volume = sum(solid.Volume() for solid in solids)
     if len(shape.Solids()) != len(solids) or abs(shape.Volume() - volume) > SAME_VOLUME * volume:
-        raise GeometryError("bonded parts overlap: pillars and tips may touch the plate, not enter it or each other")
+        raise GeometryError(
+            "bonded parts overlap: pillars and tips may touch the plate and each other, but not intersect"
+        )
     return shape
 
 

@@ -1,4 +1,4 @@
-"""Scenes of boxes before they are meshed: where their lines pass, how these are graded, and how many elements they make."""
+"""Scenes of boxes before they are meshed: their grid lines, the grading of these, and the number of elements."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Grading:
 
     @property
     def cuts(self) -> FloatArray:
-        """Where the element next to a singular edge is cut, as fractions of its length from the edge, in ascending order."""
+        """Cuts of the element next to a singular edge, as fractions of its length from the edge, in ascending order."""
         return np.asarray(self.factor ** np.arange(self.layers - self.skipped, 0, -1), dtype=float)
 
 
@@ -109,7 +109,7 @@ class HexSettings:
 
     @property
     def coarser(self) -> HexSettings:
-        """The same without the innermost layer: a mesh nested in this one."""
+        """Settings without the innermost layer: those of a mesh nested in this one."""
         return replace(self, skipped=self.skipped + 1)
 
     @property
@@ -147,7 +147,7 @@ class Foot:
 
 @dataclass(frozen=True)
 class Scene:
-    """Where the lines of a scene of boxes pass, before any is drawn: breakpoints in m, True at singular edges.
+    """Grid lines of a scene of boxes, before it is meshed: breakpoints in m, True at singular edges.
 
     x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without), `feet` of each kind.
     The lowest body fills the rectangles `body` (r, 4) only, where that is given. With two `faces` the mirror images of the
@@ -285,7 +285,7 @@ def _plate_with_pillars(
 
 
 def _edges(pillar: Pillar) -> tuple[dict[float, bool], dict[float, bool]]:
-    """Where the sides of foot and heavy tip lie along x and y, m, and whether an edge there is re-entrant."""
+    """Coordinates of the sides of foot and heavy tip along x and y, m, and whether the edge there is re-entrant."""
     foot = _foot(pillar)
     tip = np.empty((0, 4)) if pillar.tip is None else pillar.tip.rectangles
     sides: list[dict[float, bool]] = []
@@ -311,13 +311,13 @@ def _foot(pillar: Pillar) -> FloatArray:
     if rectangles is None or pillar.fillet_m:
         what = f"{pillar.shape} pillar{' with a fillet' if pillar.fillet_m else ''}"
         raise MeshError(
-            f"a {what} is not made of boxes: hexahedra in straight lines cannot follow it, nor what is bonded over it"
+            f"a {what} is not made of boxes: structured hexahedra cannot follow it, nor a body bonded over it"
         )
     return rectangles
 
 
 # -- counts ------------------------------------------------------------------------------------------------------------
-# Exact sizes of a mesh from its breakpoints: nothing is meshed, and a mesh too large to make is counted too.
+# Exact sizes of a mesh from its breakpoints, without meshing, so that a mesh too large to build is counted too.
 
 
 @dataclass(frozen=True)
