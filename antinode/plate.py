@@ -200,7 +200,7 @@ class Plate(Frozen):
     def explore(
         self, path: str | Path | None = None, *, port: int = 0, browser: bool = True, progress: bool | None = None
     ) -> None:
-        """Open the explorer, a page that recomputes the design at once while its sizes are dragged.
+        """Open the explorer, a page that recomputes the design at once while its sizes in mm are dragged.
 
         Preparing its reduced bases takes some minutes the first time; they are stored and used again.
 

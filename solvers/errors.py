@@ -1,4 +1,4 @@
-"""What a solver raises when it will not vouch for a number, and the checks of numbers that every solver makes."""
+"""Exceptions of the solvers, and the checks of numbers that all of them share."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 class SolverError(Exception):
-    """A computation that could not be trusted; the message says what, by how much, and what to try.
+    """Raised for a result that fails its checks; the message says which, by how much, and what to try.
 
     >>> from antinode import SolverError
     >>> try:
@@ -22,19 +22,19 @@ class SolverError(Exception):
 
 
 class CountMismatch(SolverError):
-    """Fewer or more eigenvalues were found than the inertia counts."""
+    """Raised if the number of eigenvalues found differs from the inertia count."""
 
 
 class SingularShift(SolverError):
-    """The shift fell on an eigenvalue and moving it did not help."""
+    """Raised if a shift is an eigenvalue, also after it was moved."""
 
 
 class TooLarge(SolverError):
-    """The factorisation would not fit into memory."""
+    """Raised if a factorisation would not fit into memory."""
 
 
 class OutOfMemory(TooLarge):
-    """Memory ran out in the middle of a computation."""
+    """Raised if memory runs out during a computation."""
 
 
 def check_above_zero(what: str, *values: float) -> None:
@@ -45,7 +45,7 @@ def check_above_zero(what: str, *values: float) -> None:
 
 
 UNBOUNDED = 1e9  # an answer this many times what it is far from a resonance is one met to nine digits
-RESONANT = "a lossless resonance is hit exactly: give it a loss or move the frequency"
+RESONANT = "the frequency is that of a lossless resonance: add a loss or move the frequency"
 
 
 def solved(matrix: NDArray[Any], load: NDArray[Any], trouble: str = RESONANT) -> NDArray[np.complex128]:

@@ -1,6 +1,6 @@
 """Threads: independent tasks side by side with one thread each, and one BLAS thread for a while.
 
-The factorisations let go of the interpreter's lock, so threads do for symmetry classes and panels what processes would. A task
+The factorisations release the interpreter's lock, so threads do for symmetry classes and panels what processes would. A task
 that is one of several has one thread however many of them run at once: its digits do not depend on the number of workers.
 """
 
@@ -22,19 +22,19 @@ from solvers.machine import workers
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-HEARD_S = 0.2  # an interruption is heard so soon, whichever thread the signal reached
+HEARD_S = 0.2  # longest wait before an interruption takes effect, whichever thread the signal reached
 # How long a task in Python lets another wait that comes back from compiled code: the interpreter's own 5 ms, at each of
 # hundreds of returns, cost two symmetry classes side by side a fifth of what they save.
 WAIT_S = 5e-4
 # Of glibc's malloc.h. All threads share one heap: arrays are few and large, and an arena of each thread's own keeps what it
 # once held. A solve makes and drops arrays of some megabytes by the hundred: given back to the system each time, their pages
-# cost a tenth of a small solve when they come anew.
+# cost a tenth of a small solve when they come again.
 ARENA_MAX, TRIM_THRESHOLD, MMAP_THRESHOLD = -8, -1, -3
 HEAP = {ARENA_MAX: 1, TRIM_THRESHOLD: 2**26, MMAP_THRESHOLD: 2**23}
 
 
 def _set_heap() -> None:
-    """Tell the C library how this process takes memory."""
+    """Set how the C library allocates memory for this process."""
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):  # another C library than glibc
             library = ctypes.CDLL(None)
@@ -46,7 +46,7 @@ _set_heap()
 
 
 class Cancelled(Exception):
-    """Nobody waits for this task any more."""
+    """Raised in a task whose result is no longer needed."""
 
 
 class _Task(threading.local):
@@ -72,7 +72,7 @@ def raise_if_cancelled() -> None:
 def parallel_map(
     function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0, room: float = float("inf")
 ) -> list[Result]:
-    """The function of every item, as many at once as there are threads and as `room` bytes hold, `bytes_each` each.
+    """Call the function on every item, as many at once as threads and `room` bytes allow at `bytes_each` per item.
 
     The first item's exception is raised, when all have ended. A task within a task, or one alone, runs where it is.
     """
@@ -133,7 +133,7 @@ def _pool() -> ThreadPoolExecutor:
 
 
 class _OneThread:
-    """Limits the pools of numpy and scipy while anybody asks for it: the limit is the process's, not a thread's."""
+    """Limit on the pools of numpy and scipy while any thread asks for it, since the limit is the process's."""
 
     def __init__(self) -> None:
         self._lock, self._holders, self._limiter = threading.Lock(), 0, None

@@ -1,4 +1,4 @@
-"""What each mesh did to the frequencies of the reference parts: the committed table that planner and error bars read.
+"""Measured errors of meshes on the reference parts: the committed table that planner and error bars read.
 
 `python -m studies.accuracy` writes `calibration.csv` from the stored accuracy study: the largest relative error of each part
 by element, order, graded layers and share of the planner's own element size, or tetrahedra across; of the zone's hexahedra at
@@ -111,14 +111,14 @@ def by_theory(part: str, theory: str, slender: float) -> float | None:
     """Expected error of an analytic frequency at a ratio of the part's sides; None for a theory that was not
     measured.
 
-    What a beam or a plate theory leaves out, shear, rotary inertia or a foot's Poisson strain, grows as the ratio squared.
+    Effects that beam and plate theories neglect (shear, rotary inertia, Poisson strain at a foot) grow as the ratio squared.
     """
     rows = [row.error for row in table() if (row.part, row.kind) == (part, theory)]
     return SAFETY[HEX] * rows[0] * max(1.0, slender / SLENDER[part]) ** 2 if rows else None
 
 
 def mixing() -> float | None:
-    """Share of the bound by `mode_mixing` that a confinement is expected to change by."""
+    """Expected change of a confinement, as a fraction of the bound by `mode_mixing`."""
     return _least(HEX, [row for row in table() if (row.part, row.kind) == (PLATE, MIXING)])
 
 

@@ -33,13 +33,13 @@ if TYPE_CHECKING:
     from solvers.superelement.cell import MeshError
 
 # -- nested meshes -----------------------------------------------------------------------------------------------------
-# The error of a mesh, told by two coarser ones nested in it: one without the innermost layer, one of an order less.
+# The error of a mesh, estimated from two coarser ones nested in it: one without the innermost layer, one of an order less.
 # Where displacements go as r^a at an edge, the finer mesh still errs by a share of what the innermost layer brought
 # that follows from a, the order and the layers (babuska1981); away from the edge the last order brought more than any
-# further one will, but for motions of a parity to which it brought nothing: lower modes of the class tell what those
-# hide. Of a body meshed whole no coarser modes are searched: one inverse iteration about an s amid the modes u of the
-# finer mesh solves (K_c - s M_c) v = P' M u, P what carries the coarser mesh's fields to the finer one, and leaves
-# little of modes that lie further off than they; Rayleigh's quotients on the span of all v are the coarser
+# further one will, but for motions of a parity to which it brought nothing: lower modes of the class show what those
+# hide. A body meshed whole needs no search for coarser modes. One inverse iteration about an s amid the modes u of the
+# finer mesh solves (K_c - s M_c) v = P' M u, P the prolongation of the coarser mesh's fields to the finer one, and damps
+# modes farther away than they are; Rayleigh's quotients on the span of all v are the coarser
 # eigenvalues to second order in what is left, paired with the modes by their overlap (boffi2010).
 
 BELOW, APART = 0.97, 0.01  # a shift: of the lowest eigenvalue, and how far from any, relative
@@ -47,12 +47,12 @@ BELOW, APART = 0.97, 0.01  # a shift: of the lowest eigenvalue, and how far from
 SMOOTH, CLAMPED_SMOOTH = 0.035, 0.02
 # of what the last order brings at the edge: so much of it may be none of the edge's, and cancel what is not
 EDGE_UNCERTAINTY = 0.5
-# of the share at a clamped face beside elements longer than it is thick: the layer brings the smooth boundary layer, too.
+# of the share at a clamped face next to elements longer than it is thick: the layer brings the smooth boundary layer, too.
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
 LONG = 0.6
 ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
 # of what the elements beside the innermost one miss by themselves, of motion in the plane across an edge and along it: as
-# finite elements about wedges tell (tests/solvers/accuracy/test_rim_by_elements.py)
+# finite elements about wedges show (tests/solvers/accuracy/test_rim_by_elements.py)
 OUTER_ACROSS, OUTER_ALONG = 0.65, 0.35
 # of the layer's change what moves in the plane across a rim: 74 cells of `python -m studies.error_bars` and of seeds 7 and 8
 # err least with 0.65 to 0.85, and round pillars that twist have next to none of it
@@ -72,7 +72,10 @@ RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = 0.1, 0.3, 0.15
 
 @dataclass(frozen=True)
 class ErrorFractions:
-    """Share of the layer's change that is left, its uncertainty, and what the order changes at the edge beside the layer.
+    """Fractions that turn the changes of two coarser meshes into a correction and its uncertainty.
+
+    correction: fraction of the layer's change that remains; uncertainty: of that fraction; edge: change by the order over that
+    by the layer.
 
     doubt: of the share of what the layer brings beyond what the order's change lets the edge have; order: of the mesh, 0 where
     no order less was meshed; waves: of the order's change away from the edge what is of short waves.
@@ -88,16 +91,17 @@ class ErrorFractions:
 
     @property
     def rim(self) -> float:
-        """What of the layer's change is uncertain."""
+        """Uncertain fraction of the layer's change."""
         return self.uncertainty + EDGE_UNCERTAINTY * self.smooth * self.edge
 
     def half_width(self, layer: FloatArray, order: FloatArray) -> FloatArray:
-        """Half-width of a figure's error from what the mesh without the layer and that of one order less change it by."""
+        """Half-width of a figure's error bar from its changes on the mesh without the layer and on that of one order less."""
         return np.asarray(self.singular_part(layer, order) + self.smooth_part(layer, order))
 
     def of_modes(self, values: FloatArray, layer: FloatArray, order: FloatArray) -> FloatArray:
-        """The same of modes of a class, or of waves at a wavevector, with eigenvalues (k,): the last order may bring one
-        nothing, but waves as short as those of lower ones are missed in it, too.
+        """Half-widths for the modes of a class, or the waves at a wavevector, with eigenvalues (k,).
+
+        The last order may not change a mode at all; its error is then estimated from lower modes with waves as short.
         """
         away, upwards = self.smooth_part(layer, order), np.argsort(values)
         shown = np.maximum.accumulate(away[upwards])
@@ -105,7 +109,7 @@ class ErrorFractions:
         return np.asarray(self.singular_part(layer, order) + away)
 
     def singular_part(self, layer: FloatArray, order: FloatArray) -> FloatArray:
-        """The part of the half-width that the edge has."""
+        """Part of the half-width due to the edge."""
         half = self.rim * np.abs(layer)
         if not self.doubt:
             return np.asarray(half)
@@ -114,34 +118,35 @@ class ErrorFractions:
         )
 
     def smooth_part(self, layer: FloatArray, order: FloatArray) -> FloatArray:
-        """The part that waves have away from it."""
+        """Part of the half-width due to waves away from the edge."""
         return smooth_half_width(order - self.edge * layer, self.smooth, self.order, self.waves)
 
 
 def shares_of(error: MeshError) -> ErrorFractions:
-    """Return what the changes of a reduced cell by its coarser meshes show."""
+    """Error fractions of a reduced cell whose changes by coarser meshes are known."""
     return ErrorFractions(
         error.taken, error.spread, error.edge, doubt=EDGE_UNCERTAINTY if error.edge else 0.0, order=error.order
     )
 
 
 def smooth_half_width(change: FloatArray, share: float, order: int, waves: float = 1.0) -> FloatArray:
-    """What a mesh of order p misses away from edges of frequencies that order p - 1 misses `change` more of, relative: `share`
-    of it, or more where waves, which make so much of it, are short for the elements.
+    """Relative error of order p away from edges, for frequencies that order p - 1 overestimates by `change` more.
 
-    Order p misses C_p (k h)^(2p) of an eigenvalue, C_p = (p! / (2p)!)^2 / (2p + 1) (ainsworth2004): a change s tells
-    w C_p / 2 (2 s / w C_(p-1))^(p/(p-1)) of a frequency, w = UNRESOLVED.
+    It is `share` of the change, or more if waves, the cause of a fraction of the change, are short for the elements.
+
+    Order p misses C_p (k h)^(2p) of an eigenvalue, C_p = (p! / (2p)!)^2 / (2p + 1) (ainsworth2004): a change s
+    implies w C_p / 2 (2 s / w C_(p-1))^(p/(p-1)) of a frequency, w = UNRESOLVED.
     """
     size = np.abs(change)
     if order < 2:
         return np.asarray(share * size)
     own, less = ((factorial(p) / factorial(2 * p)) ** 2 / (2 * p + 1) for p in (order, order - 1))
-    told = UNRESOLVED * own / 2.0 * (2.0 * waves * size / (UNRESOLVED * less)) ** (order / (order - 1))
-    return np.asarray(np.maximum(share * size, told))
+    estimated = UNRESOLVED * own / 2.0 * (2.0 * waves * size / (UNRESOLVED * less)) ** (order / (order - 1))
+    return np.asarray(np.maximum(share * size, estimated))
 
 
 def largest(half_widths: FloatArray) -> float | None:
-    """Largest half-width of some bars; None where there is none, or where one of them is not known (NaN)."""
+    """Largest of some half-widths; None without any, or if one is unknown (NaN)."""
     return None if not half_widths.size or np.isnan(half_widths).any() else float(half_widths.max())
 
 
@@ -177,7 +182,7 @@ def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_
 
 @dataclass(frozen=True)
 class Edge:
-    """A singularity: its exponent, what elements beside the innermost one count, and its weight among others."""
+    """A singularity: its exponent, the part of the outer elements in the error, and its weight among others."""
 
     exponent: float
     outer: float
@@ -189,13 +194,13 @@ def _rim_edges(*rims: Rim) -> tuple[Edge, ...]:
 
 
 def _edges(wedges: tuple[Wedge, ...]) -> tuple[Edge, Edge]:
-    """In the plane across an edge and along it, both exponents a little below the 1 of what is not singular."""
+    """Singularities in the plane across an edge and along it, both exponents slightly below the regular value 1."""
     across, along = (min(each(wedges), ALMOST_SMOOTH) for each in (edge_exponent, antiplane_exponent))
     return Edge(across, OUTER_ACROSS, ACROSS), Edge(along, OUTER_ALONG, 1.0 - ACROSS)
 
 
 def _shares(edges: tuple[Edge, ...], mesh: HexSettings, rough: float, ranges: float = 1.0) -> ErrorFractions:
-    """Of singularities as they weigh; uncertain by so many half-ranges between them and a rough part."""
+    """Weighted mean of singularities; their range (times `ranges`) and a rough part are the uncertainty."""
     left, order, less = [], [], replace(mesh, order=mesh.order - 1)
     for edge in edges:
         own, coarse, lower = (
@@ -206,7 +211,7 @@ def _shares(edges: tuple[Edge, ...], mesh: HexSettings, rough: float, ranges: fl
         order.append((lower - own) / (coarse - own))
     middle, at_edge = (float(np.average(each, weights=[edge.weight for edge in edges])) for each in (left, order))
     spread = ranges * (max(left) - min(left)) / 2.0 + rough * middle
-    taken = middle if mesh.layers else 0.0  # without layers nothing tells what the edge's share of the change is
+    taken = middle if mesh.layers else 0.0  # without layers the edge's share of the change is unknown
     return ErrorFractions(taken, spread + middle - taken, at_edge, order=mesh.order)
 
 
@@ -215,7 +220,7 @@ Body = TypeVar("Body")
 
 @dataclass(frozen=True)
 class Nested(Generic[Body]):
-    """A body on a coarser mesh, and the matrix (fine nodes, coarse nodes) that carries its fields to the finer one."""
+    """A body on a coarser mesh, and the prolongation (fine nodes, coarse nodes) of its fields to the finer one."""
 
     body: Body
     transfer: sp.csr_array
@@ -223,7 +228,7 @@ class Nested(Generic[Body]):
 
 @dataclass(frozen=True)
 class CoarserMeshes:
-    """The mesh without the innermost layer, the mesh of one order less, and what their changes tell.
+    """Error estimate from the mesh without the innermost layer and the mesh of one order less.
 
     A mesh without layers has no `layer`: all that the order changes counts as the edge's.
     """
@@ -235,8 +240,9 @@ class CoarserMeshes:
     def errors(
         self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Relative, (k,) each, of M-orthonormal modes (dof, k) with eigenvalues (k,) of a symmetry class: how far their
-        frequencies are to be lowered, and the half-width of the bar that is left.
+        """Relative correction (downwards) and half-width of the error bar of frequencies, (k,) each.
+
+        vectors: M-orthonormal modes (dof, k) of a symmetry class; values: their eigenvalues (k,).
         """
         layer, order = (
             _rise(each, symmetry, pencil, vectors, values) for each in (self.layer or self.order, self.order)
@@ -245,8 +251,7 @@ class CoarserMeshes:
 
 
 def layer_share(reach: float, order: int, steps: int = 1) -> float:
-    """What a mesh of order p leaves of a layer exp(-a s) along elements of length h over what its last `steps` orders brought,
-    reach = a h / 2.
+    """Error of order p in a layer exp(-a s), over the change by the last `steps` orders; reach = a h / 2, h the element length.
 
     Degree n has (2n + 1) i_n(a h / 2)^2 of the strain's energy, i_n the modified spherical Bessel function, and order p all
     degrees below p. Higher a leave more: the slowest layers, which reach farthest, carry most of the energy.
@@ -259,13 +264,13 @@ def layer_share(reach: float, order: int, steps: int = 1) -> float:
 
 
 def regular_share(order: int) -> float:
-    """The same of a motion no smoother than the order's full rate needs, whose error goes as p^(-2p) (babuska1981)."""
+    """Error of order p over the last order's change for a regular motion, whose error goes as p^(-2p) (babuska1981)."""
     return 1.0 / ((order / (order - 1.0)) ** (2 * order) - 1.0)
 
 
 @dataclass(frozen=True)
 class LowerOrders:
-    """Meshes of one and of two orders less of a body without singular edges, and what their changes tell.
+    """Error estimate of a body without singular edges from meshes of one and of two orders less.
 
     Waves inside, edges and their layers, which end within the body's smallest dimension d, leave a share of what the last
     order brought: waves by their length, edges by the order's own rate, layers by the length of an element over d. Across d a
@@ -282,12 +287,12 @@ class LowerOrders:
     def errors(
         self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """As `CoarserMeshes.errors`; nothing is taken from the frequencies."""
+        """Correction and half-widths as in `CoarserMeshes.errors`; the correction is 0."""
         one, two = (_rise(each, symmetry, pencil, vectors, values) for each in (self.order, self.lower))
         return np.zeros_like(values), self.half_width(one, two)
 
     def half_width(self, one: FloatArray, two: FloatArray) -> FloatArray:
-        """Half-width of a frequency's error from what meshes of one and two orders less change it by, relative."""
+        """Relative half-width of a frequency's error bar from its changes on meshes of one and two orders less."""
         share = regular_share(self.degree) + layer_share(LAYER * self.along, self.degree)
         hidden = layer_share(LAYER * self.across, self.degree, 2) * np.abs(two)
         return np.asarray(smooth_half_width(one, 0.0, self.degree) + share * np.abs(one) + hidden)
@@ -296,7 +301,7 @@ class LowerOrders:
 def _rise(
     coarser: Nested[SolidModel], symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
 ) -> FloatArray:
-    """How far a coarser mesh's frequencies lie above those of the modes, relative, (k,)."""
+    """Relative excess of a coarser mesh's frequencies over those of the modes, (k,)."""
     theirs = coarser_eigenvalues(pencil, coarser.body.pencil(symmetry), coarser.transfer, vectors, values)
     return np.asarray((theirs / values - 1.0) / 2.0)
 
@@ -316,7 +321,7 @@ def coarser_eigenvalues(
 def prolonged_eigenvalues(
     fine: PlainPencil, coarse: PlainPencil, prolonged: sp.csr_array, vectors: FloatArray, values: FloatArray
 ) -> FloatArray:
-    """The same by the matrix (fine dof, coarse dof) that carries the coarser pencil's motions to the finer one."""
+    """Eigenvalues as in `coarser_eigenvalues`, with the prolongation (fine dof, coarse dof) between the pencils."""
     from scipy.optimize import linear_sum_assignment  # slow to import
 
     unit = (fine.scale.angular / coarse.scale.angular) ** 2
@@ -339,7 +344,7 @@ def amid(values: FloatArray) -> float:
 
 
 # -- recovered stresses ------------------------------------------------------------------------------------------------
-# The error of a mesh of tetrahedra, told by its own stresses: continuous ones stand for the true ones.
+# The error of a mesh of tetrahedra, estimated by stress recovery: continuous stresses stand for the true ones.
 # Of the continuous fields s* that are linear in each tetrahedron of one material, the one nearest to the computed
 # stresses s in the energy's norm loses int (s - s*) : C^-1 (s - s*) = u'Ku - b'(C x M^-1) b, with b_a = int N_a e(u)
 # of the strains e and M_ab = int N_a N_b over linear N (zienkiewicz1987). An eigenvalue lies as far above the true
@@ -354,7 +359,7 @@ ELEMENTS = 4096  # at a time
 
 @dataclass(frozen=True)
 class StressRecovery:
-    """What continuous stresses tell of a mesh of tetrahedra with a material for each region, in the units of a scale.
+    """Error estimate of a mesh of tetrahedra by stress recovery, with a material for each region, in the units of a scale.
 
     clamped: whether faces are held, at whose edges most is missed.
     """
@@ -366,7 +371,7 @@ class StressRecovery:
 
     @property
     def shares(self) -> ErrorFractions:
-        """Of the loss that is taken for the error, and what of it is uncertain."""
+        """Fraction of the energy loss that counts as the error, and its uncertainty."""
         if self.clamped:
             return CLAMPED
         return UNLIKE if len({self.materials[name] for name in self.mesh.region_of_cells()}) > 1 else ALIKE
@@ -379,7 +384,7 @@ class StressRecovery:
         return total
 
     def energies(self, shapes: FloatArray) -> FloatArray:
-        """The diagonal of the same, (m,)."""
+        """Diagonal of `energy`, (m,)."""
         return np.asarray(
             sum(
                 np.einsum("ij,iam,jam->m", elastic, strains, weights)
@@ -390,8 +395,9 @@ class StressRecovery:
     def errors(
         self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Relative, (k,) each, of M-orthonormal modes (dof, k) with eigenvalues (k,) of a symmetry class: how far their
-        frequencies are to be lowered, and the half-width of the bar that is left.
+        """Relative correction (downwards) and half-width of the error bar of frequencies, (k,) each.
+
+        vectors: M-orthonormal modes (dof, k) of a symmetry class; values: their eigenvalues (k,).
         """
         field = pencil.expand(vectors)
         loss = (values - self.energies(field.reshape(-1, field.shape[2]))) / (2.0 * values)

@@ -46,7 +46,7 @@ def edge_exponent(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FRE
 
 
 def rim_wedges(plate: Material, pillar: Material, wall: float = pi / 2.0) -> tuple[Wedge, Wedge]:
-    """What meets at the rim of a foot: half a space of the plate, and of the pillar what its wall leaves at an angle in rad."""
+    """Wedges at the rim of a foot: a half-space of the plate, and the pillar with its wall at an angle in rad."""
     return Wedge(plate, pi), Wedge(pillar, wall)
 
 

@@ -50,7 +50,7 @@ def grid_fill(elements: tuple[int, ...], dofs: Dofs, ends: tuple[Ends, ...] | No
     """
 
     def own(elements: tuple[int, ...], ends: tuple[Ends, ...], plane: int | None = None) -> float:
-        """Of a box, or of the one plane of nodes that cuts it across an axis."""
+        """Fill of a box, or of the single plane of nodes that cuts it across an axis."""
         lines = [count - 1 + low + high for count, (low, high) in zip(elements, ends, strict=True)]
         gaps = list(elements)
         if plane is not None:
@@ -100,7 +100,7 @@ def _put(values: tuple[T, ...], axis: int, value: T) -> tuple[T, ...]:
 
 
 # -- solves ------------------------------------------------------------------------------------------------------------
-# What a modal solve takes, told before anything is assembled: bytes of its stages, and operations.
+# Cost of a modal solve, estimated before anything is assembled: bytes of its stages, and operations.
 # Bytes follow from the arrays that `assembly`, `solid` and `eigen` hold at once, counted in entries; those of a
 # factorisation from the fill above with measured factors (`studies/benchmarks/foresight.py`).
 
@@ -109,12 +109,12 @@ ENTRY = 12  # bytes of a sparse matrix's entry: a number and a column
 STIFFNESS, MASS = 9 * ENTRY, 3 * ENTRY  # a pair of nodes, of K and of M with three components
 # bytes of an entry of the dissected factor: at the peak of the factorisation, and afterwards
 FACTOR = {"rslab": (30.0, 15.0), "superlu": (75.0, 60.0)}
-ANALYSIS, COPY = 60, 30  # bytes of an entry of the matrix: the analysis, what of it stays beside the factor
-VECTORS = 8  # copies of the modes' vectors while they are proven
+ANALYSIS, COPY = 60, 30  # bytes per entry of the matrix: the analysis, and what of it stays next to the factor
+VECTORS = 8  # copies of the modes' vectors while they are verified
 DENSE_GAIN = 2.0  # how much faster than vectors' a front's operations run
 FACTORISATIONS = 4  # of one band: both ends, the shift, one more where it is halved
 SOLVES = 3.0  # a mode
-BASIS = 2.5  # vectors of the basis a pair, when Lanczos has converged
+BASIS = 2.5  # vectors of the basis per pair, when Lanczos has converged
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,10 @@ CLEAN_RESIDUAL = (
 PASSES = 3  # over the pairs that are not clean
 # shares of the pencil's norm ratio tried as the floor above rigid-body modes
 RIGID = tuple(10.0**-n for n in range(9, 16))
-MAX_ROUND_OFF = 0.02  # relative error of a frequency by rounding above which it is refused
-SLIGHT = 1e-8  # of a frequency: rounding that needs no closer look
+MAX_ROUND_OFF = 0.02  # relative error of a frequency by rounding above which it is rejected
+SLIGHT = 1e-8  # of a frequency: rounding too small to be examined
 EPSILON = float(np.finfo(float).eps)
-# eigenpairs of a slice that cost less from the factor at its end, beside as many beyond it, than another factor
+# eigenpairs of a slice that, with as many beyond it, cost less from the factor at its end than from another factor
 FEW = 6
 # Relative moves of a shift at which a factorisation is refused: a count belongs to its frequency, a search may stand aside.
 COUNTED = (0.0, 3e-7, 1.8e-6, 8.1e-6, 3.2e-5, 1.2e-4)
@@ -40,7 +40,7 @@ SEARCHED = (0.0, 1e-5, 1e-3, 1e-2)
 
 @dataclass(frozen=True)
 class PlainPencil:
-    """What a solve needs of K and M: symmetric sparse matrices, their units, and how many rigid-body modes to expect."""
+    """Interface of a pencil: symmetric sparse K and M, their units, and the number of rigid-body modes."""
 
     stiffness: sp.csc_array
     mass: sp.csc_array
@@ -70,7 +70,7 @@ class Count:
 
 @dataclass
 class Shared:
-    """What solves of one pencil share: the symbolic analysis, the counts made so far, a factor of K where there is one.
+    """Shared state of the solves of one pencil: the symbolic analysis, the counts so far, a factor of K if there is one.
 
     near: a factor of K - s M and its s, where one is kept for what follows.
     """
@@ -144,13 +144,13 @@ def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | S
         floor = solver.floor_among(values) if values.min(initial=np.inf) <= RIGID[0] * solver.norm_ratio else 0.0
         elastic = values > floor
         if not pencil.rigid_count and not elastic.all():
-            raise SolverError("an eigenvalue below zero: rounding hides the lowest modes of so slender a body")
+            raise SolverError("an eigenvalue below zero: the body is so slender that rounding hides its lowest modes")
         kept, low, high = _closed_interval(values[elastic], target, count, pencil, floor)
         if kept is not None or requested >= pencil.dof:
             break
         requested += max(4, count // 4)
     if kept is None:
-        raise CountMismatch(f"no gap ends the cluster of modes near {near_hz:.1f} Hz; ask for a band instead")
+        raise CountMismatch(f"no gap ends the cluster of modes near {near_hz:.1f} Hz; request a band instead")
     below = solver.count_below(low) if low > 0.0 else 0
     values, vectors = values[elastic][kept], vectors[:, elastic][:, kept]
     if solver.count_below(high) - below != len(values):
@@ -160,14 +160,14 @@ def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | S
             values, vectors, (low, high) = values[kept], vectors[:, kept], ends
             below = solver.count_below(low) if low > 0.0 else 0
     if len(values) < count:
-        raise CountMismatch(f"{len(values)} of {count} modes near {near_hz:.6g} Hz stand up to the count by inertia")
+        raise CountMismatch(f"{len(values)} of {count} modes near {near_hz:.6g} Hz agree with the inertia count")
     return solver.verified(values, vectors, low, high, below)
 
 
 def factor_near(
     pencil: PlainPencil, shift: float, factorise: Callable[[sp.csc_array], Factor], least: float = 0.0
 ) -> tuple[Factor, float]:
-    """Factor of K - s M, and s: the shift, or the nearest of a few beside it that the factorisation can vouch for.
+    """Factor of K - s M, and s: the shift, or the nearest of a few next to it at which the factorisation is reliable.
 
     `least` is the first step away from a shift of 0. Raises SingularShift.
     """
@@ -181,7 +181,7 @@ def _factors_near(
     least: float,
     moves: tuple[float, ...],
 ) -> Iterator[tuple[Factor, float]]:
-    """Factors of K - s M, and s, for each move of the shift that can be vouched for. Raises SingularShift where none can."""
+    """Factors of K - s M, and s, for each move of the shift with a reliable factorisation. Raises SingularShift without one."""
     refused, made = None, False
     for attempt, move in enumerate(moves):
         moved = shift * (1.0 + move) if shift else attempt * least
@@ -212,7 +212,7 @@ def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tupl
     gap = _first_gap(values, size)
     residual = solver.residual(values[:gap], vectors[:, :gap]).max()
     if residual > RESIDUAL:
-        raise SolverError(f"residual {residual:.1e} (allowed {RESIDUAL:.0e}): refine the mesh or ask for fewer bands")
+        raise SolverError(f"residual {residual:.1e} (limit {RESIDUAL:.0e}): refine the mesh or request fewer bands")
     edge = 0.5 * (values[gap - 1] + values[gap])
     expected = solver.count_below(edge)
     if expected != gap:
@@ -221,7 +221,7 @@ def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tupl
 
 
 def lowest_hz(pencil: PlainPencil, static: Factor) -> float:
-    """The lowest frequency of a body without rigid-body motion, Hz, from a factor of K; less what Lanczos may be off by."""
+    """The lowest frequency of a body without rigid-body motion, Hz, from a factor of K, less the error bound of Lanczos."""
     values, _ = _Solver(pencil, None).lanczos(static.solve, 0.0, 1) if pencil.dof > 2 else (np.array([np.inf]), None)
     return float(pencil.scale.frequency(values)[0]) * (1.0 - 1e-6)
 
@@ -237,7 +237,7 @@ def _first_gap(values: FloatArray, size: int) -> int:
     for end in range(size, len(values)):
         if values[end] - values[end - 1] > 1e-6 * values[end]:
             return end
-    raise CountMismatch("no gap ends the cluster above the bands asked for; ask for more bands")
+    raise CountMismatch("no gap ends the cluster above the requested bands; request more bands")
 
 
 def _closed_interval(
@@ -287,7 +287,7 @@ class _Solver:
             if counts[-1] == self.pencil.rigid_count:
                 return share * self.norm_ratio
         raise SolverError(
-            f"{counts[0]} eigenvalues lie where {self.pencil.rigid_count} rigid-body modes are expected: the lowest modes are "
+            f"{counts[0]} eigenvalues were found instead of {self.pencil.rigid_count} rigid-body modes: the lowest modes are "
             "too soft to be told from rounding; the body is too slender for one solid mesh, or its parts do not hang together"
         )
 
@@ -405,7 +405,7 @@ class _Solver:
             )
         except ArpackNoConvergence as fault:
             raise SolverError(
-                f"Lanczos found {len(fault.eigenvalues)} of {count} modes; ask for fewer, or a band"
+                f"Lanczos found {len(fault.eigenvalues)} of {count} modes; request fewer modes, or a band"
             ) from fault
         return self._quotients(vectors)
 
@@ -469,7 +469,7 @@ class _Solver:
         vectors: FloatArray,
         expected: int,
     ) -> tuple[FloatArray, FloatArray]:
-        """Second pass: the same solve with what was found projected out, so that lost members of clusters appear."""
+        """Second pass: solve again with the modes found projected out, so that lost members of clusters appear."""
         more, missing = self._inside(self._without(factor.solve, vectors), shift, low, high, expected - len(values) + 6)
         fresh = np.linalg.norm(vectors.T @ self.pencil.apply_mass(missing), axis=0) < 0.5
         return _ascending(np.append(values, more[fresh]), np.hstack([vectors, missing[:, fresh]]))
@@ -491,8 +491,8 @@ class _Solver:
     def _mismatch(self, low: float, high: float, expected: int, computed: int) -> str:
         ends = self.pencil.scale.frequency(np.array([low, high]))
         return (
-            f"{computed} modes found between {ends[0]:.1f} and {ends[1]:.1f} Hz where the inertia counts {expected}; "
-            "move the ends of the band away from a mode or ask for a narrower band"
+            f"{computed} modes found between {ends[0]:.1f} and {ends[1]:.1f} Hz, but the inertia count is {expected}; "
+            "move the ends of the band away from a mode or request a narrower band"
         )
 
     def verified(self, values: FloatArray, vectors: FloatArray, low: float, high: float, below_low: int) -> Modes:

@@ -120,7 +120,7 @@ class SuperLU:
         if max(FIRST_GUESS * stored, GROWTH * self.symbolic.entries) > INDEX_LIMIT:
             raise TooLarge(
                 f"{dofs} degrees of freedom with {stored:.2g} entries, {self.symbolic.entries:.2g} in the factor, are more "
-                "than SuperLU can count: install rslab, or ask for a coarser mesh, a lower order, or model = superelement"
+                "than SuperLU can count: install rslab, or use a coarser mesh, a lower order, or model = superelement"
             )
         factorise = SOLVE_BYTES * self.symbolic.entries + REORDERED_BYTES * stored
         count = (SOLVE_BYTES + INERTIA_BYTES) * self.symbolic.entries
@@ -181,7 +181,7 @@ class SuperLU:
 
 
 class Rslab:
-    """L D L' with the inertia of D's blocks of one and two; a symbolic analysis of another pattern is made anew."""
+    """L D L' with the inertia of D's blocks of one and two; another pattern is analysed again."""
 
     def __init__(self, matrix: sp.csc_array, symbolic: ThreadBound[Any] | None = None) -> None:
         try:
@@ -261,19 +261,19 @@ class Ordering:
 
 
 class CallingThread:
-    """The asking thread itself, where the process may use no other: handing over would cost and protect nothing."""
+    """The calling thread itself, for a process limited to one thread."""
 
     def run(self, call: Callable[[], Other]) -> Other:
-        """The call's result or exception."""
+        """Return the call's result, or raise its exception."""
         return call()
 
     def submit(self, call: Callable[[], Any]) -> None:
-        """Do the call now."""
+        """Run the call now."""
         call()
 
 
 class OwnerThread:
-    """A thread that does one call after another and lives as long as the process."""
+    """A thread that runs one call after another and lives as long as the process."""
 
     def __init__(self) -> None:
         self._calls: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
@@ -282,11 +282,11 @@ class OwnerThread:
         atexit.register(self.run, lambda: None)
 
     def run(self, call: Callable[[], Other]) -> Other:
-        """The call's result or exception, neither of which may hold anything of the library."""
+        """Return the call's result or raise its exception; neither may hold objects of the library."""
         return self.submit(call).result()
 
     def submit(self, call: Callable[[], Other]) -> Future[Other]:
-        """Do the call when those before it are done; a finalizer may ask this at any moment."""
+        """Queue the call; a finalizer may do so at any moment."""
         answer: Future[Other] = Future()
         self._calls.put((call, answer))
         return answer
@@ -297,7 +297,7 @@ class OwnerThread:
 
 
 class ThreadBound(Generic[Thing]):
-    """A handle to what `make` gives; the thing itself never leaves its keeper, which frees it when the handle goes."""
+    """Handle to an object made and used in its owner thread only, which frees it when the handle is deleted."""
 
     def __init__(self, make: Callable[[], Thing], keeper: CallingThread | OwnerThread | None = None) -> None:
         box: list[Thing] = []
@@ -306,17 +306,17 @@ class ThreadBound(Generic[Thing]):
         finalize(self, self._keeper.submit, box.clear)
 
     def use(self, function: Callable[[Thing], Other]) -> Other:
-        """What the function tells of the thing."""
+        """Call the function on the object in its owner thread and return the result."""
         box = self._box
         return self._keeper.run(lambda: function(box[0]))
 
     def make(self, function: Callable[[Thing], Other]) -> ThreadBound[Other]:
-        """What the function makes of the thing, kept beside it."""
+        """Make another object from this one, in the same owner thread."""
         box = self._box
         return ThreadBound(lambda: function(box[0]), self._keeper)
 
     def free(self) -> None:
-        """Free the thing now; it cannot be used afterwards."""
+        """Free the object now; it cannot be used afterwards."""
         self._keeper.run(self._box.clear)
 
 
@@ -324,7 +324,7 @@ _CALLING_THREAD = CallingThread()
 
 
 class _Lease:
-    """A keeper as long as its thread lives; then another thread may have it."""
+    """Owner thread of a calling thread; free for another one when that thread ends."""
 
     def __init__(self) -> None:
         try:
@@ -335,7 +335,7 @@ class _Lease:
 
 
 class _Own(threading.local):
-    """The keeper of each thread that asks for one."""
+    """Owner thread of each calling thread."""
 
     def __init__(self) -> None:
         self.lease = _Lease()
@@ -344,7 +344,7 @@ class _Own(threading.local):
 def _answered(call: Callable[[], Any], answer: Future[Any]) -> None:
     try:
         result = call()
-    except BaseException as fault:  # its traceback would take the library's objects to the caller's thread
+    except BaseException as fault:  # its traceback would carry the library's objects to the caller's thread
         fault.__context__ = None
         answer.set_exception(fault.with_traceback(None))
     else:
@@ -355,7 +355,7 @@ _own = _Own()
 
 
 def parallel_map(function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0) -> list[Result]:
-    """The function of every item, each of which factorises: in threads, as memory holds."""
+    """Call the function on every item in threads, as memory allows; each call factorises."""
     return in_threads(function, items, bytes_each, room_bytes())
 
 
@@ -547,7 +547,7 @@ def _reordered(matrix: sp.csc_array, order: IntArray) -> sp.csc_array:
 def _analysed(matrix: sp.csc_array) -> ThreadBound[Any]:
     """Ordered by minimum fill; by nested dissection, which takes three times as long, where that fills too much."""
     foresee(ANALYSIS_BYTES * matrix.nnz, matrix.shape[0])
-    at_once = threads()  # the asking thread's, not the keeper's
+    at_once = threads()  # of the calling thread, not of the owner
     return ThreadBound(lambda: _best(matrix, at_once))
 
 

@@ -172,7 +172,7 @@ class SolidModel:
         """K and M of one symmetry class."""
         pencil = constrain(self.system, self._free(symmetry))
         if self.mesh.dof > LARGE and self.scale:
-            del self.system  # assembled anew for the next class: both stiffnesses at once are a quarter of the peak
+            del self.system  # assembled again for the next class: both stiffnesses at once are a quarter of the peak
             pencil = replace(pencil, system=replace(pencil.system, stiffness=sp.csr_array(pencil.stiffness.shape)))
         return pencil
 

@@ -231,7 +231,7 @@ def parted(
 
 
 def is_straight(corners: FloatArray, reference: FloatArray) -> BoolArray:
-    """Which facets, nodes (f, k, 3) at reference places (k, 2), are affine images of the reference facet, (f,)."""
+    """Mask of the facets, nodes (f, k, 3) at reference places (k, 2), that are affine images of the reference facet, (f,)."""
     basis = np.column_stack([np.ones(len(reference)), reference])
     off = np.eye(len(reference)) - basis @ np.linalg.pinv(basis)
     deviation = np.abs(np.einsum("ak,fkj->faj", off, corners)).max(axis=(1, 2))
@@ -239,7 +239,7 @@ def is_straight(corners: FloatArray, reference: FloatArray) -> BoolArray:
 
 
 def may_be_cut(y_m: FloatArray, straight: BoolArray, lines_m: Sequence[float]) -> BoolArray:
-    """Which facets a line may cross, (f,), by y of their nodes, (f, k), and whether they are straight, (f,)."""
+    """Mask of the facets that a line may cross, (f,), from y of their nodes, (f, k), and whether they are straight, (f,)."""
     low, high = y_m.min(axis=1), y_m.max(axis=1)
     margin = np.where(straight, NEAR, -BULGE) * (high - low)
     crossed = np.zeros(len(y_m), dtype=bool)
@@ -273,7 +273,7 @@ def joined(parts: list[FaceQuadrature]) -> FaceQuadrature:
 
 
 def facet_quadrature(nodes: FloatArray, faces: IntArray, order: int, lines_m: Sequence[float] = ()) -> FaceQuadrature:
-    """The same over facets (f, k) of one shape on nodes (n, 3) in m."""
+    """Quadrature as in `face_quadrature` over facets (f, k) of one shape on nodes (n, 3) in m."""
     if not len(lines_m):
         return _uncut(nodes, faces, order)
     solid, own = _solid(faces.shape[1], order)
@@ -308,7 +308,7 @@ def skin_faces(mesh: AnyMesh) -> IntArray:
 def _cut_rectangle(
     points: FloatArray, weights: FloatArray, lines_m: Sequence[float]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The same of one rectangle; its rule as it is where no line crosses it."""
+    """Parted rule of one rectangle, unchanged if no line crosses it."""
     s, w = legendre.leggauss(COUNT)
     y = points[:COUNT, 1]
     middle, half = (y[0] + y[-1]) / 2.0, (y[-1] - y[0]) / (s[-1] - s[0])
@@ -346,7 +346,7 @@ def _root(fitted: FloatArray) -> FloatArray:
 
 
 def _roots(fitted: FloatArray, level: float) -> FloatArray:
-    """Where a Chebyshev series on [0, 1] has a value, between the ends."""
+    """Points between the ends at which a Chebyshev series on [0, 1] takes a value."""
     series = fitted.copy()
     series[0] -= level
     size = np.abs(series).max()
@@ -356,7 +356,7 @@ def _roots(fitted: FloatArray, level: float) -> FloatArray:
 
 
 def _uncut(nodes: FloatArray, faces: IntArray, order: int) -> FaceQuadrature:
-    """The same rule on every facet."""
+    """One rule on every facet."""
     if faces.shape[1] in TRIANGLES:
         at, weights = _dunavant()
     else:
@@ -441,7 +441,7 @@ def _corners(nodes: FloatArray, facets: IntArray, order: int) -> IntArray:
 
 
 def _bent(edges: FloatArray) -> BoolArray:
-    """Which edges, nodes (..., n, 3) in a row, leave the chord between their ends."""
+    """Mask of the edges, nodes (..., n, 3) in a row, that leave the chord between their ends."""
     start, chord = edges[..., :1, :], edges[..., -1:, :] - edges[..., :1, :]
     length = np.linalg.norm(chord, axis=-1)
     off = np.linalg.norm(np.cross(edges - start, np.broadcast_to(chord, edges.shape)), axis=-1)

@@ -21,12 +21,12 @@ from geometry.elements import FloatArray
 # The constants are argued on the 54 plates of studies/grid.toml, whose table lists status, strength and share of
 # each: all plates that hold their mode by 10 dB are single, those whose shape is spread over several modes are split.
 
-MIN_MAC = 0.5  # MAC: below it less than half of the zone's motion is the target shape
+MIN_MAC = 0.5  # below this MAC less than half of the zone's motion is the target shape
 MIN_MAC_SINGLE = 0.8  # MAC from which one mode may carry the shape alone
-LEAD = 1.5  # over the strongest rival: by less, another design or mesh turns the two over
+LEAD = 1.5  # over the strongest rival: by less, another design or mesh exchanges the two
 MAJORITY = 0.5  # of all weights in the window: more than all others together
-WINDOW_MARGIN = 0.2  # of the target frequency on both sides: as far as a window has to reach before it can tell
-RIVAL = 0.25  # of the best weight: others that are named
+WINDOW_MARGIN = 0.2  # of the target frequency: margin of the window on both sides of it
+RIVAL = 0.25  # of the best weight: others listed as rivals
 MAX_RIVALS = 3  # rivals at most
 
 Status = Literal["single", "split", "none"]
@@ -97,13 +97,13 @@ def verdict(
 
 
 def widened_window(window_hz: tuple[float, float], frequency_hz: float) -> tuple[float, float]:
-    """The window, widened until it reaches past a mode on both sides."""
+    """Widen the window until it extends beyond a mode on both sides."""
     low, high = (1.0 - WINDOW_MARGIN) * frequency_hz, (1.0 + WINDOW_MARGIN) * frequency_hz
     return min(window_hz[0], low), max(window_hz[1], high)
 
 
 # -- search ------------------------------------------------------------------------------------------------------------
-# Search for the target mode of a plate: one path through the frequencies, whatever was asked for and whoever asks.
+# Search for the target mode of a plate: one path through the frequencies for every question.
 # Candidates lie from the window's lower end upwards. The search begins with the window and widens it until it reaches
 # past the mode found on both sides. Over all modes of a symmetry class the strengths sum to 1 at most, and no weight
 # exceeds its strength: 1 less the strengths found bounds the weight of any mode that was not computed. Where that
@@ -111,7 +111,7 @@ def widened_window(window_hz: tuple[float, float], frequency_hz: float) -> tuple
 # (`solvers.fem.missing_mode`). Where they leave room too, modes down to rest are computed, then higher ones, up to a
 # limit beyond which nothing is single.
 
-STEP = 1.25  # of the upper end: how far the search goes up at once
+STEP = 1.25  # of the upper end: one step of the search upwards
 STEPS = 3  # upwards at most
 ROUNDS = 12  # widenings at most
 
@@ -187,7 +187,7 @@ def search(
     Returns
     -------
     Found
-        The same for every `known`.
+        Independent of `known`.
     """
     ends = reach = window_hz
     steps = 0
@@ -233,7 +233,7 @@ def measures(modes: Sequence[Measured]) -> tuple[FloatArray, FloatArray, FloatAr
 
 
 def weights(modes: Sequence[Measured]) -> FloatArray:
-    """How much of the target shape each mode carries, (k,)."""
+    """Part of the target shape that each mode carries, (k,)."""
     return weight(*measures(modes))
 
 
