@@ -50,7 +50,7 @@ class Cancelled(Exception):
 
 
 class _Task(threading.local):
-    """What a thread is at: one of several tasks, or the whole computation."""
+    """Current task of a thread: one of several, or the whole computation."""
 
     abandoned: threading.Event | None = None
 

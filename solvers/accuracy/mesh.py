@@ -51,7 +51,7 @@ EDGE_UNCERTAINTY = 0.5
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
 LONG = 0.6
 ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
-# of what the elements beside the innermost one miss by themselves, of motion in the plane across an edge and along it: as
+# of the own error of the elements next to the innermost one, of motion in the plane across an edge and along it: as
 # finite elements about wedges show (tests/solvers/accuracy/test_rim_by_elements.py)
 OUTER_ACROSS, OUTER_ALONG = 0.65, 0.35
 # of the layer's change what moves in the plane across a rim: 74 cells of `python -m studies.error_bars` and of seeds 7 and 8
@@ -292,7 +292,7 @@ class LowerOrders:
         return np.zeros_like(values), self.half_width(one, two)
 
     def half_width(self, one: FloatArray, two: FloatArray) -> FloatArray:
-        """Relative half-width of a frequency's error bar from its changes on meshes of one and two orders less."""
+        """Relative error bar (half-width) of a frequency from its changes on meshes of one and two orders less."""
         share = regular_share(self.degree) + layer_share(LAYER * self.along, self.degree)
         hidden = layer_share(LAYER * self.across, self.degree, 2) * np.abs(two)
         return np.asarray(smooth_half_width(one, 0.0, self.degree) + share * np.abs(one) + hidden)
@@ -443,7 +443,7 @@ class _Recovered:
 
 
 def _integrals(mesh: Mesh, cells: IntArray, length_m: float) -> tuple[FloatArray, FloatArray]:
-    """Of every element (3, e, 4, nodes) int N_a dF_b/dx_k and (e, 4, 4) int N_a N_b: N linear, F the mesh's functions."""
+    """Integrals of every element: N_a dF_b/dx_k (3, e, 4, nodes), N_a N_b (e, 4, 4); N linear, F the mesh's functions."""
     rule = mesh.element.quadrature
     linear = np.column_stack([1.0 - rule.points.sum(axis=1), rule.points])
     _, gradient = mesh.element.shape(rule.points)

@@ -95,7 +95,7 @@ class ModeErrors:
     to degrees through the thickness.
 
     Infinite from the lowest mode on that may have been left out: nothing is known there. taken: excess of the finest
-    mesh's own frequency over the reported one; mesh: half-width of the discretisation error bar, NaN without an estimate.
+    mesh's own frequency over the reported one; mesh: discretisation error bar (half-width), NaN without an estimate.
     """
 
     modes: FloatArray
@@ -138,9 +138,9 @@ class ReductionError:
 
 @dataclass(frozen=True)
 class MeshErrors:
-    """Relative excess of the finer mesh's own frequency over the reported one, and half-width of the error bar, (n,) each.
+    """Relative excess of the finer mesh's own frequency over the reported one, and error bar (half-width), (n,) each.
 
-    The half-width is NaN without an estimate.
+    The error bar is NaN without an estimate.
     """
 
     taken: FloatArray
@@ -224,7 +224,7 @@ def energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray
 def by_mesh(
     plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
 ) -> tuple[FloatArray, FloatArray]:
-    """Relative correction of the frequencies of M-orthonormal modes (dof, k), and half-width of their error bars, (k,) each.
+    """Relative correction of the frequencies of M-orthonormal modes (dof, k), and their error bars (half-widths), (k,) each.
 
     By Rayleigh's quotient at scaled eigenvalues (k,); a half-width is NaN where a cell has no coarser mesh.
     """

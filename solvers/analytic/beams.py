@@ -27,7 +27,7 @@ VANISHING: dict[str, tuple[int, int]] = {"clamped": (0, 1), "pinned": (0, 2), "s
 LOWEST = 0.5  # below the smallest root of any pair (pi/2), above the trivial one
 STEP = pi / 16.0  # roots of one pair lie about pi apart
 BRACKETED = 16  # from the root of this number on, near 50, exp(-beta L) is below rounding and roots lie pi apart
-PANEL, PANEL_PHASE = np.polynomial.legendre.leggauss(16), 4.0  # a Gauss rule for so much of kappa s: exact to rounding
+PANEL, PANEL_PHASE = np.polynomial.legendre.leggauss(16), 4.0  # span of kappa s per Gauss rule: exact to rounding
 
 ENOUGH = 14  # polynomial degree beyond twice the mode number; the series converges exponentially
 LOWEST_SCANNED = 0.3  # smallest bending wavenumber times L scanned, below the smallest root of any pair (about pi/2)

@@ -103,7 +103,7 @@ def mindlin_wave_hz(strip: Strip, along_per_m: float, across_per_m: float = 0.0)
 
 
 def beam_function_hz(strip: Strip, nodal_lines: int) -> float:
-    """The thesis' (2.25): f = 1/(2 pi) sqrt(D/(rho h)) (k^2 + (pi/W)^2), Hz, with the free-free beam's k: 0 for N = 0, 1.
+    """Thesis (2.25): f = 1/(2 pi) sqrt(D/(rho h)) (k^2 + (pi/W)^2), Hz, with the free-free beam's k: 0 for N = 0, 1.
 
     An estimate: the beam function meets neither the plate equation nor a plate's free edge (see levy_hz).
     """

@@ -14,7 +14,7 @@ from geometry.elements import BoolArray, ComplexArray, FloatArray
 from solvers.errors import SolverError, check_above_zero, checked_frequencies
 
 # -- rotating frame ----------------------------------------------------------------------------------------------------
-# One mode in the frame that turns with its drive, the PI that controls it there, and what the drive's limit allows.
+# One mode in the frame that turns with its drive, the PI that controls it there, and the limits that the drive sets.
 # e^{+j omega t}; U = U_d + j U_q is the phasor of velocity (or of a signal that follows it), V that of the drive: 2 M
 # dU/dt + (D + 2 j M d) U = N V, d = omega - omega_0, which is tau dU/dt + (1 + j tau d) U = G V.
 
@@ -124,7 +124,7 @@ def sampled_gains(plant: ModePlant, response_s: float, period_s: float, proporti
 
 @dataclass(frozen=True)
 class Feasibility:
-    """What an amplitude asks of the drive: held, and at its peak while rising with tau_d; both in units of the drive.
+    """Drive that an amplitude needs: to hold it, and at the peak while rising with tau_d; both in units of the drive.
 
     share: of the amplitude at full drive; feasible: the drive never meets its limit; largest_reference: up to where tau_d is
     kept; least_time_s: to 95 % at full drive, inf beyond what can be held.
@@ -171,7 +171,7 @@ def feasibility(
 # full scale.
 
 AntiWindup = Literal["match", "freeze", "none"]
-NEIGHBOUR_LOOP = 0.5  # loop gain that a mode beside the target mode may have, whatever its phase
+NEIGHBOUR_LOOP = 0.5  # loop gain that a mode next to the target mode may have, whatever its phase
 LEAVING_S = 0.2e-3  # the loop's time constant on the way out of the drive's limit: about a period
 LIMITED = 2  # and one less a period: until the end of the limit shows in the measurement
 
@@ -202,7 +202,7 @@ class Rates:
 
 @dataclass(frozen=True)
 class Setup:
-    """What is simulated: the plate, the controller's idea of it, and the imperfections between them.
+    """Simulated system: the plate, the controller's model of it, and the imperfections between them.
 
     modes: the plate's, velocity response from drive to signal (complex gains allowed); the first is controlled.
     known: the controller's copy, None for the truth; detuning_hz: of the drive from the known frequency. delay_s: dead time
@@ -235,7 +235,7 @@ class Setup:
 
     @property
     def model(self) -> ModePlant:
-        """What the controller works with."""
+        """The controller's model of the plate."""
         return self.known if self.known is not None else self.modes[0]
 
     @property
@@ -247,18 +247,18 @@ class Setup:
 
     @property
     def leaving(self) -> SampledPi:
-        """The same from the drive's limit, which is left when one period is about enough to arrive."""
+        """Gains on the way out of the drive's limit, which ends when one period is about enough to arrive."""
         return replace(self, response_s=min(LEAVING_S, self.response_s)).gains
 
     @property
     def omega_rad_s(self) -> float:
-        """Of the drive, rad/s."""
+        """Angular frequency of the drive, rad/s."""
         return 2.0 * pi * (self.model.frequency_hz + self.detuning_hz)
 
 
 @dataclass(frozen=True)
 class Trace:
-    """One value a period, shape (n,): time of the window's middle, s, reference, measured phasor in the mode's frame, drive.
+    """One value per period, shape (n,): time of the window's middle, s, reference, measured phasor in the mode's frame, drive.
 
     limited: where the drive met its limit.
     """

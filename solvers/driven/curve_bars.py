@@ -1,4 +1,4 @@
-"""Error bars of what a driven plate does at many frequencies, from one solve: on its faces and under contacts."""
+"""Error bars of a driven plate's response at many frequencies, from one solve: on its faces and under contacts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from solvers.piezo.forced import ForcedPlate, GroupModes
 from solvers.piezo.responses import frequency_errors, load_errors
 
 # -- quadratic forms ---------------------------------------------------------------------------------------------------
-# Error bars of what a driven plate does at many tones, from one solve: its quadratic forms on plates within its bars.
+# Error bars of a driven plate's response at many frequencies, from one solve: its quadratic forms on plates within its bars.
 # What may be wrong, each independent of the others and their changes added by squares, with the worst of each:
 #
 # * the frequency of each mode, within its bar: at its ends, where the resonance comes nearest to the tone, and half-way there;
@@ -26,12 +26,12 @@ from solvers.piezo.responses import frequency_errors, load_errors
 Change = Callable[[Any], ComplexArray]  # of Forms, or of Motions at as many tones
 SIGNS = np.array([-1.0, 1.0])
 AT_ONCE = 16  # tones
-ROUNDING = 1e-9  # of the largest sum that amplitudes could give: less is no motion
+ROUNDING = 1e-9  # of the largest sum that amplitudes could give: less counts as no motion
 
 
 @dataclass(frozen=True, eq=False)
 class Doubts:
-    """What may be wrong about a plate's n modes: eigenvalues value (n,), their lowest and highest change (n, 2), relative
+    """Uncertainties of a plate's n modes: eigenvalues value (n,), their lowest and highest change (n, 2), relative
     errors of the frequencies (n,); errors of the drivers' loads (n, d), and of all of those of a driver, relative, (d,).
 
     group (n,): number of each mode's group; share: of the bound on mixing that is expected; beyond: error of what lies beyond
@@ -64,7 +64,7 @@ class Doubts:
 
 
 def doubts(forced: ForcedPlate, share: float | None, modes: list[GroupModes] | None = None) -> Doubts | None:
-    """What may be wrong about a plate, or about more modes than it drives; None where one part of it is not known.
+    """Uncertainties of a plate, or of more modes than it drives; None if a part of them is unknown.
 
     share: see `Doubts`.
     """
@@ -91,7 +91,7 @@ def doubts(forced: ForcedPlate, share: float | None, modes: list[GroupModes] | N
 def changes(
     known: Doubts, forms: Forms | Motions, eigenvalue: FloatArray, volts: ComplexArray, still: int | None = None
 ) -> Iterator[Change]:
-    """What each kind of source makes of a plate's forms: S (k, t, m, s, d, d) of m sources, s plates each.
+    """Forms of the plates that each kind of source allows: S (k, t, m, s, d, d) of m sources, s plates each.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def changes(
 
 
 def _coupling(known: Doubts, mode: IntArray) -> FloatArray:
-    """Stiffness that couples one mode a tone (t,) with each other one of its group, (t, n, 2)."""
+    """Stiffness that couples one mode per frequency (t,) with each other one of its group, (t, n, 2)."""
     error = np.maximum(known.frequency, known.frequency[mode][:, None])
     size = 2.0 * known.share * error * np.sqrt(np.maximum(known.value * known.value[mode][:, None], 0.0))
     others = (known.group == known.group[mode][:, None]) & (np.arange(len(known.value)) != mode[:, None])
@@ -194,7 +194,7 @@ def rms_bars(
 
 
 def rms(squares: ComplexArray) -> FloatArray:
-    """Of one voltage's forms (k, ..., 1, 1)."""
+    """Rms from the forms (k, ..., 1, 1) of one voltage."""
     return np.asarray(np.sqrt(np.maximum(squares[..., 0, 0].real, 0.0)))
 
 
@@ -219,7 +219,7 @@ def with_peak(
 
 
 def in_parts(bars: Callable[[FloatArray], FloatArray], frequency_hz: FloatArray) -> FloatArray:
-    """What a function makes of some tones, (..., n), asked for a few at a time."""
+    """Values (..., n) of a function at some frequencies, a few at a time."""
     parts = np.array_split(frequency_hz, -(-len(frequency_hz) // AT_ONCE))
     return np.concatenate([bars(part) for part in parts], axis=-1)
 
@@ -259,7 +259,7 @@ class Motions:
         return np.diagonal(self.within, axis1=1, axis2=2)
 
     def fed(self, volts: ComplexArray) -> Motions:
-        """The same of one voltage alone: the drivers', (t, d)."""
+        """Motions with a single voltage, which feeds the drivers by (t, d)."""
         parts = {name: getattr(self, name) @ volts[..., None] for name in ("answers", "rest_only", "modal")}
         return replace(self, **parts, drivers=self, volts=volts)
 
@@ -268,23 +268,23 @@ class Motions:
         return self._forced(softened_rows(np.asarray(self.lossy * change), self.own, self.modal)[..., 0])
 
     def coupled(self, mode: IntArray, change: FloatArray) -> ComplexArray:
-        """The same with one mode a place (t,) and each other coupled by a stiffness (t, n, s), 0 to itself."""
+        """Outputs with one mode per place (t,) coupled to each other one by a stiffness (t, n, s), 0 to itself."""
         at = np.arange(len(mode))
         rows = coupled_rows(np.asarray(self.lossy * change), self.own, self.modal, mode, self.within[at, mode])[..., 0]
         first = rows[..., 0][..., None] * self.moved[at, :, mode][:, None, None]
         return self._forced(rows[..., 1]) + first
 
     def forced(self, rows: ComplexArray) -> ComplexArray:
-        """The same with a further force on each mode, (t, n, s, drivers) per volt."""
+        """Outputs with a further force on each mode, (t, n, s, drivers) per volt."""
         assert self.volts is not None
         return self._forced((rows @ self.volts[:, None, :, None])[..., 0])
 
     def rest(self, share: FloatArray) -> ComplexArray:
-        """The same with what lies beyond the modes larger by shares (s,), to first order: (t, 1, s, m)."""
+        """Outputs with the part beyond the modes larger by shares (s,), to first order: (t, 1, s, m)."""
         return np.asarray(self._plain + share[:, None] * self.rest_only[:, None, None, :, 0])
 
     def louder(self, factor: FloatArray) -> ComplexArray:
-        """The same with the drivers' answers times factors (k, s, d): (t, k, s, m)."""
+        """Outputs with the drivers' answers times factors (k, s, d): (t, k, s, m)."""
         assert self.drivers is not None and self.volts is not None
         fed = factor * self.volts[:, None, None]
         return np.asarray(np.einsum("tmd,tksd->tksm", self.drivers.answers, fed))

@@ -15,7 +15,7 @@ from solvers.piezo.forced import ForcedPlate, GroupModes, PlateMode
 from solvers.piezo.responses import open_patches
 
 # -- any figure --------------------------------------------------------------------------------------------------------
-# Error bars of what a driven plate does: those of its resonances, and what they make of any figure computed from them.
+# Error bars of a driven plate: those of its resonances, and those of any figure computed from them.
 # A stiffness that is wrong by d, |d_ij| <= 2 e (l_i l_j)^(1/2) of M-orthonormal modes with eigenvalues l and relative
 # frequency errors e (parlett1998), moves each resonance and mixes the modes. A figure is computed again on plates
 # that differ so: every resonance moved to either end of its bar, the pairs of a resonating mode and each other one
@@ -24,12 +24,13 @@ from solvers.piezo.responses import open_patches
 
 Plate = TypeVar("Plate", bound=ForcedPlate)
 Varied = TypeVar("Varied")  # a Variation, a Louder, or how a plate so changed is driven
-CACHED = ("all_modes", "_touched")  # what follows from modes and is computed again when asked for
+CACHED = ("all_modes", "_touched")  # what follows from modes and is computed again on demand
 
 
 def frequency_errors(forced: ForcedPlate) -> list[FloatArray]:
-    """Half-width of the bar of every resonance about the band by mesh, reduction and bonding, relative, (modes,) a group in the
-    order of `bases`; NaN where nothing shows it.
+    """Relative error bars (half-widths) of the resonances around the band, due to mesh, reduction and bonding.
+
+    (modes,) per group in the order of `bases`; NaN without an estimate.
     """
     return [responses.frequency_errors(basis).total for basis in bases(forced)]
 
@@ -43,7 +44,7 @@ def bases(forced: ForcedPlate) -> list[GroupModes]:
 
 
 def frequency_error(forced: ForcedPlate, frequency_hz: float, errors: list[FloatArray]) -> float | None:
-    """Half-width of the bar of the resonance nearest to a frequency, relative; None where it is not known."""
+    """Relative error bar (half-width) of the resonance nearest to a frequency; None without an estimate."""
     tones = np.concatenate([basis.frequency_hz for basis in bases(forced)])
     if not len(tones):
         return None
@@ -197,7 +198,7 @@ class Louder:
         return other
 
     def of_columns(self, basis: GroupModes, values: FloatArray) -> FloatArray:
-        """Values of a group's columns, which stay."""
+        """Values of a group's columns, unchanged."""
         return values
 
     def of_basis(self, basis: GroupModes, patches: int | None = None) -> GroupModes:
@@ -218,13 +219,13 @@ def louder(forced: ForcedPlate, error: float) -> Iterator[tuple[Louder, ...]]:
 def sources(
     forced: ForcedPlate, errors: list[FloatArray], resonating_hz: float, share: float, load: float | None
 ) -> Iterator[tuple[Variation | Louder, ...]]:
-    """All that may be wrong about the resonance nearest to a frequency; load: half-width of the loads' bar, relative."""
+    """Sources of error of the resonance nearest to a frequency; load: relative error bar of the loads."""
     yield from variations(forced, errors, resonating_hz, share)
     yield from louder(forced, np.nan if load is None else load)
 
 
 def is_known(errors: list[FloatArray]) -> bool:
-    """Whether every resonance has a bar."""
+    """Whether every resonance has an error bar."""
     return all(bool(np.isfinite(each).all()) for each in errors)
 
 
@@ -233,7 +234,7 @@ def half_widths(
     sources: Iterable[tuple[Varied, ...]],
     figures: Callable[[Varied], FloatArray],
 ) -> FloatArray:
-    """Half-widths of the bars of figures (n,) that are computed again on varied plates; NaN where one of them is not known."""
+    """Error bars (half-widths) of figures (n,) computed again on varied plates; NaN without an estimate."""
     squares = np.zeros_like(nominal)
     for source in sources:
         squares += np.max([np.abs(figures(each) - nominal) for each in source], axis=0) ** 2

@@ -1,4 +1,4 @@
-"""What several patches of one plate do together: zones driven in turn, the flow of power, the table that shaping works on."""
+"""Several patches on one plate: zones driven in turn, the flow of power, and the modal table for shaping."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Zones:
         return not bool(np.isnan(self.grams[-1]).any())
 
     def peak_hz(self, volts: FloatArray, zone: int) -> float:
-        """Where the zone moves most within the band, Hz."""
+        """Frequency of the zone's largest motion within the band, Hz."""
         forced = self.forced
         return peak_hz(
             lambda tones: self.rms(volts, tones)[:, zone], resonances_hz(forced), forced.band_hz, forced.loss
@@ -130,7 +130,7 @@ def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray,
     frequency_hz : ndarray, shape (n,)
         Frequencies in Hz.
     known : Doubts or None
-        What the plate's resonances and loads may be off by.
+        Uncertainties of the plate's resonances and loads.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray,
 
 
 def peak_half_widths(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, known: Doubts | None) -> dict[str, Any]:
-    """Half-widths of the error bars of what one driven zone shows at its peak, by the names of its figures.
+    """Half-widths of the error bars of one driven zone's figures at its peak, by name.
 
     `rms_error_m_per_V` and `level_error_db` (zones,), `passive_error_db` and `mac_error`; NaN without an estimate.
     """
@@ -287,12 +287,12 @@ def plate_table(
     forced: ForcedPlate, points_m: FloatArray, frequency_hz: float, rows: list[FloatArray] | None = None
 ) -> ModalTable:
     """The modes about the band over points (p, 2) of the touch face, in SI: actuators are the drivers, in the order of
-    `forced.drivers`, sensors those that listen, V. Residuals are those at the frequency.
+    `forced.drivers`, sensors in V. Residuals are those at the frequency.
 
     rows: `motion_at` of the points, where it is known. SolverError for drivers that are fed a charge, or without sensors.
     """
     if forced.circuit != "short" or not forced.sensors:
-        raise SolverError("shaping needs drivers that a voltage feeds and at least one patch that listens")
+        raise SolverError("shaping needs voltage-driven actuators and at least one sensor patch")
     plate, d, s = forced.plate, forced.drivers, forced.sensors
     scale, unit = plate.scale, plate.stiffness_unit
     eigenvalue = scale.eigenvalue(frequency_hz)

@@ -32,8 +32,8 @@ def fits(size: int, count: int) -> bool:
 def slice_of(size: int) -> int:
     """Largest number of eigenpairs to compute from one shift, for `size` degrees of freedom.
 
-    As many as a basis kept whole holds, since each further shift costs three factorisations, as long as orthogonalisation is the
-    smaller part.
+    As many as a basis kept whole holds, since each further shift costs three factorisations, as long as
+    orthogonalisation is the smaller part.
     """
     fitting = min((BYTES / (16.0 * size) - 24 * BLOCK) / MAX_COUNT, size / WIDE)
     return int(min(max(fitting / 1.1 - 4, SLICE), MAX_SLICE))

@@ -33,7 +33,7 @@ class Fill:
         return Fill(self.entries + other.entries, self.operations + other.operations, max(self.front, other.front))
 
     def times(self, count: int) -> Fill:
-        """The same for `count` bodies."""
+        """Fill of `count` bodies."""
         return Fill(count * self.entries, count * self.operations, self.front)
 
 
@@ -44,7 +44,7 @@ def eliminated(inside: float, around: float) -> Fill:
 
 
 def grid_fill(elements: tuple[int, ...], dofs: Dofs, ends: tuple[Ends, ...] | None = None) -> Fill:
-    """The fill of a grid of elements (any number of axes); `ends` tells which end planes are the grid's own (all).
+    """The fill of a grid of elements (any number of axes); `ends`: which end planes are the grid's own (all).
 
     `dofs(lines, gaps)` counts those of a box from its planes of nodes and from its elements, one number an axis.
     """
@@ -175,7 +175,7 @@ def assembly(mesh: MeshCounts) -> Cost:
 
 
 def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost:
-    """`times` factorisations of a matrix with so many entries, one kept at a time."""
+    """Cost of `times` factorisations of a matrix with this number of entries, one kept at a time."""
     peak, _ = FACTOR[factorisations()[0]]
     stages = (
         Stage("analysing the factorisation", ANALYSIS * entries),
@@ -185,7 +185,7 @@ def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost
 
 
 def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: bool = False) -> Cost:
-    """Eigenpairs of a pencil of so many entries; `near`: all in one go, not by slices of a band."""
+    """Cost of eigenpairs of a pencil with this number of entries; `near`: all at once, not by slices of a band."""
     kept = FACTOR[factorisations()[0]][1] * fill.entries + COPY * entries
     most = slice_of(max(round(dofs), 1))
     at_once = modes if near else min(modes, most)
@@ -206,10 +206,10 @@ def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: boo
 
 
 def solid_modes(mesh: MeshCounts, classes: int, modes: float, near: bool = False) -> Cost:
-    """Modes of a meshed body: `classes` symmetry classes one after another, so many modes each."""
+    """Cost of the modes of a meshed body: `classes` symmetry classes one after another, `count` modes each."""
     large = mesh.dofs > LARGE
     mesh_and_matrices = mesh.mesh_bytes + (STIFFNESS * (1 if large else 2) + MASS + ENTRY) * mesh.pairs
-    restricted = Stage("taking the free degrees of freedom", mesh.mesh_bytes + (3 * STIFFNESS + ENTRY) * mesh.pairs)
+    restricted = Stage("selecting the free degrees of freedom", mesh.mesh_bytes + (3 * STIFFNESS + ENTRY) * mesh.pairs)
     solve = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, modes, near)
     whole = assembly(mesh).then(Cost((restricted,)))
     shifted = STIFFNESS * mesh.pairs

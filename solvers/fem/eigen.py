@@ -216,7 +216,7 @@ def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tupl
     edge = 0.5 * (values[gap - 1] + values[gap])
     expected = solver.count_below(edge)
     if expected != gap:
-        raise CountMismatch(f"{gap} eigenvalues found below {edge:.6g}, the inertia counts {expected}")
+        raise CountMismatch(f"{gap} eigenvalues found below {edge:.6g}, but the inertia count is {expected}")
     return np.asarray(values[:size]), np.asarray(vectors[:, :size])
 
 
@@ -233,7 +233,7 @@ def count_below(pencil: PlainPencil, frequency_hz: float, factorise: Factoriser 
 
 
 def _first_gap(values: FloatArray, size: int) -> int:
-    """How many of the values, at least `size`, end in a gap."""
+    """Number of the values, at least `size`, that end in a gap."""
     for end in range(size, len(values)):
         if values[end] - values[end - 1] > 1e-6 * values[end]:
             return end
@@ -287,12 +287,12 @@ class _Solver:
             if counts[-1] == self.pencil.rigid_count:
                 return share * self.norm_ratio
         raise SolverError(
-            f"{counts[0]} eigenvalues were found instead of {self.pencil.rigid_count} rigid-body modes: the lowest modes are "
-            "too soft to be told from rounding; the body is too slender for one solid mesh, or its parts do not hang together"
+            f"{counts[0]} eigenvalues were found instead of {self.pencil.rigid_count} rigid-body modes: rounding hides the "
+            "lowest modes, because the body is too slender for one solid mesh or its parts are not connected"
         )
 
     def floor_among(self, values: FloatArray) -> float:
-        """The same floor from eigenvalues at hand: one count proves the gap above the rigid ones, else as rigid_limit."""
+        """Floor as `rigid_limit`, from known eigenvalues: one count proves the gap above the rigid ones."""
         count = self.pencil.rigid_count
         if 0 < count < len(values) and values[count] > 1e3 * abs(values[count - 1]):
             between = float(np.sqrt(max(abs(values[count - 1]), RIGID[-1] * self.norm_ratio) * values[count]))

@@ -42,7 +42,7 @@ FIRST_GUESS, GROWTH = 30, 1.5
 SYMMETRIC = {"SymmetricMode": True}
 EPSILON = float(np.finfo(float).eps)  # normwise backward error at which a solution cannot be bettered
 
-# Backward error of a substitution that lost nothing. Refined, it would win nothing and no longer be one linear map: beside an
+# Backward error of a substitution that lost nothing. Refined, it would gain nothing and no longer be one linear map: near an
 # eigenvalue the rounding of each sweep, another one each time, is what Lanczos would find.
 LOSSLESS = 4.0 * EPSILON
 
@@ -54,7 +54,9 @@ PROBES = 3  # sweeps that measure the contraction: a power iteration from a rand
 Thing = TypeVar("Thing")
 Other = TypeVar("Other")
 _free_owners: deque[OwnerThread] = deque()
-FILLED = 10.0  # factor over matrix, bytes: beyond, the body is no plate, and nested dissection may fill less than minimum fill
+FILLED = (
+    10.0  # factor over matrix, bytes: beyond, it is not a plate, and nested dissection may fill less than minimum fill
+)
 ANALYSIS_BYTES = 60  # measured peak of the analysis an entry of the matrix
 COPY_BYTES = 30  # what of it is still in memory, an entry, while the factor is made; rslab's own plan leaves it out
 

@@ -29,7 +29,7 @@ Shape = Callable[[FloatArray], tuple[FloatArray, FloatArray]]  # points (q, 2): 
 # Dunavant's rule of degree 4 on the unit triangle, from its two orbits (dunavant1985)
 _TRIANGLE = ((0.44594849091596489, 0.22338158967801147), (0.09157621350977073, 0.10995174365532187))
 
-BENT = 1e-3  # of an edge's length: how far its nodes lie off the chord
+BENT = 1e-3  # of an edge's length: deviation of its nodes from the chord
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Piece:
 
     @property
     def turned(self) -> Piece:
-        """The same piece with s and t exchanged."""
+        """Return the piece with s and t exchanged."""
         return replace(self, first=self.second, second=self.first)
 
     def at(self, s: FloatArray, t: FloatArray) -> FloatArray:
@@ -395,7 +395,7 @@ def _cut_rules(
 
 
 def _solid(count: int, order: int) -> tuple[Element, IntArray]:
-    """The element that has a facet of so many nodes at its least z, and which of its nodes these are, in the facet's order."""
+    """The element with a facet of this number of nodes at its least z, and which of its nodes these are, in the facet's order."""
     solid = element("tet" if count in TRIANGLES else "hex", order)
     height = solid.points[:, 2]
     return solid, np.flatnonzero(height == height.min())

@@ -108,7 +108,7 @@ def follow(plates: Sequence[Shapes], row: int) -> list[Step]:
 # border of the zone counts on both sides, as the end points of a trapezoidal rule do.
 
 Rectangle = tuple[tuple[float, float], tuple[float, float]]  # (low x, low y), (high x, high y)
-INWARD = 1e-7  # of a rectangle's shorter side: points on an edge are moved inside by so much
+INWARD = 1e-7  # of a rectangle's shorter side: distance by which points on an edge are moved inside
 REACH = 1.05  # spacings: points represent a face up to its edge if they are this near, as those of an even grid are
 BOTH = 2  # parts of a complex number
 

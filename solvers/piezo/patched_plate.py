@@ -1,14 +1,15 @@
 """An assembled plate with bonded patches: classes that these couple are solved together, modes extrapolated.
 
 u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patches E' K_E E, M alike, loads E' theta. Beneath
-each patch the plate yields by F (solvers/piezo/patch.py). Patch and F are meshed twice: both plates are solved, and what
-their modes differ by shows the error of the finer mesh.
+each patch the plate has the additional flexibility F (solvers/piezo/patch.py). Patch and F are meshed twice: both
+plates are solved, and the difference of their modes shows the error of the finer mesh.
 
-At a patch's edges stresses are singular, so the finer mesh leaves a known share t of what the coarser one lacks beside it
-(decision 7). That holds for eigenvalues and gains, in which the plate has yielded to either mesh, and not for stiffness
+At a patch's edges stresses are singular, so the finer mesh leaves a known share t of what the coarser one lacks relative
+to it (decision 7). That holds for eigenvalues and gains, in which the plate has yielded to either mesh, and not for stiffness
 matrices: motions as short as an element meet many times the stiffness on the coarser mesh, the more so the stiffer the
-ceramic is beside its plate, and a share of that taken from K softens the plate by more than there is. Modes of the coarser
-mesh, aligned with those of the finer one (schoenemann1966), have K there; with A and g its matrices in modal coordinates
+ceramic is compared with its plate, and a share of that taken from K softens the plate by more than there is. Modes of
+the coarser mesh, aligned with those of the finer one (schoenemann1966), have K there. With A and g its matrices in modal
+coordinates
 
     Lambda = A - t (A_c - A)+,    gains = g + t (g - g_c).
 
@@ -86,11 +87,11 @@ class Group:
 
     @cached_property
     def factorise(self) -> Factoriser:
-        """What factorises shifted K of the classes: one symbolic analysis serves all of them."""
+        """Factoriser of shifted K of the classes; one symbolic analysis serves all of them."""
         return Factoriser()
 
     def let_go(self) -> None:
-        """Give back K and M, which are joined again where they are asked for."""
+        """Free K and M, which are joined again on demand."""
         for name in ("pencil", "factorise"):
             vars(self).pop(name, None)
 
@@ -115,8 +116,8 @@ class Group:
 class PatchedPlate:
     """Patches on the bare face of a plate; lengths in m, forces and charges in SI after `unscaled`.
 
-    `plates`: the plate by symmetry class, or the whole one alone under WHOLE. at_hz: at which the loads are told, whose part by
-    the patches' inertia goes with the square of the frequency; at rest without it.
+    `plates`: the plate by symmetry class, or the whole one alone under WHOLE. at_hz: frequency of the loads, whose part due
+    to the patches' inertia goes with the square of the frequency; at rest without it.
     """
 
     def __init__(
@@ -158,7 +159,7 @@ class PatchedPlate:
         self._panel_contacts.clear()
 
     def _folded(self, patch: BondedPatch, plate: AssembledPlate) -> tuple[str, BondedPatch, FloatArray]:
-        """A patch, or its image where x, y > 0 on a plate that is its own mirror image: what tells it from others, itself, and
+        """A patch, or its image where x, y > 0 on a plate that is its own mirror image: its key, itself, and
         the axes (2,) along which it was turned round, -1.
         """
         ends = patch.box_m.reshape(2, 2)
@@ -277,8 +278,9 @@ class PatchedPlate:
 
 
 class _PatchMatrices:
-    """What patches' matrices are in a plate's degrees of freedom: in classes that differ about a mirror line far from a patch
-    its motions are the same but for their sign, and made once.
+    """Patches' matrices in a plate's degrees of freedom.
+
+    In classes that differ about a mirror line far from a patch its motions are equal up to their sign, and made once.
     """
 
     def __init__(self, are_several: bool) -> None:
@@ -324,7 +326,7 @@ class _Part:
     capacitance_f: float
 
     def mirrored(self, flip: FloatArray) -> _Part:
-        """The same at its mirror image: -1 along the axes (2,) that are turned round."""
+        """Return the part at its mirror image: -1 along the axes (2,) that are turned round."""
         turn = np.tile([*flip, 1.0], len(self.load) // 3)
         return replace(
             self,
@@ -346,7 +348,7 @@ class _Bond:
     shares: ErrorFractions | None = None
 
     def mirrored(self, flip: FloatArray) -> _Bond:
-        """The same at its mirror image."""
+        """Return the bond at its mirror image."""
         if (flip > 0.0).all():
             return self
         return replace(self, parts=tuple(part.mirrored(flip) for part in self.parts))
@@ -378,8 +380,9 @@ class PressedPlate:
 
 @dataclass(frozen=True)
 class BondErrors:
-    """Half-widths of the bars by the mesh of the bond: of frequencies, relative, (k,); of gains, (k, patches). NaN where a mode
-    has no counterpart on the coarser mesh.
+    """Half-widths of the error bars due to the bond's mesh: of frequencies, relative, (k,); of gains, (k, patches).
+
+    NaN for a mode without a counterpart on the coarser mesh.
     """
 
     frequency: FloatArray
@@ -466,7 +469,7 @@ def extrapolated_modes(group: Group, values: FloatArray, vectors: FloatArray) ->
 
 
 def _images(folded: Sequence[tuple[str, FloatArray]]) -> list[tuple[int, FloatArray]]:
-    """Of each patch, told apart by its folded self and the axes (2,) it was turned about: the first with the same folded self,
+    """For each patch, identified by its folded self and the axes (2,) it was turned about: the first with the same folded self,
     and the axes that turn the one into the other.
     """
     first: dict[str, int] = {}
@@ -481,7 +484,7 @@ def _bonds(
     eigenvalue: float,
     beneath: StaticCorrection | None,
 ) -> dict[str, _Bond]:
-    """Patches on a plate that yields beneath them, on two meshes where they have two; on one without `beneath`."""
+    """Patches with the static correction of the plate beneath, on two meshes if they have two; on one without `beneath`."""
     meshed = {key: _meshes(patch, back, beneath) for key, patch in patches.items()}
     if beneath:
         beneath.prepare(plate, [patch for parts in meshed.values() for patch in parts], back)
@@ -504,11 +507,11 @@ def _meshes(patch: BondedPatch, back: bool, beneath: StaticCorrection | None) ->
 def _part(
     patch: BondedPatch, plate: AssembledPlate, back: bool, eigenvalue: float, beneath: StaticCorrection | None
 ) -> _Part:
-    """The patch of one mesh on a plate that also gives way by F, the flexibility that its degrees of freedom q lack.
+    """The patch of one mesh on a plate with the additional flexibility F that its degrees of freedom q lack.
 
     w = E q - F (K_E w - theta V): with T = (I + F K_E)^-1 the plate feels K_E T, T'M_E T, the load T'theta, and the patch holds
-    theta'T F theta V more charge. What moves in and beneath it weighs: l T'(m + M_E F T'theta) more load at an eigenvalue l.
-    What two patches on one panel do to each other by F is left out.
+    theta'T F theta V more charge. What moves in and beneath it has inertia: l T'(m + M_E F T'theta) more load at an
+    eigenvalue l. The interaction of two patches on one panel through F is neglected.
     """
     scale: Scale = plate.placed_cells[0].cell.scale
     unit = scale.young_pa * scale.length_m

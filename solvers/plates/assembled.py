@@ -1,4 +1,4 @@
-"""From a design to reduced cells and the plates made of them: how fine each is meshed, which are distinct, which are kept."""
+"""Reduced cells of a design and the plates assembled from them: their meshes, the distinct ones, and the cached ones."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ Kept = TypeVar("Kept")
 
 
 class Cache(Protocol[Kept]):
-    """Where reduced cells, or matrices, are kept between runs."""
+    """Store of reduced cells, or matrices, between runs."""
 
     def get(self, key: str) -> Kept | None:
-        """What is kept under this key, or None."""
+        """Return the value stored under this key, or None."""
         ...
 
     def put(self, key: str, kept: Kept, /) -> None:
-        """Keep it."""
+        """Store a value under a key."""
         ...
 
 
@@ -67,7 +67,7 @@ class Reductions:
     reduction: ReductionSettings
     cache: Cache[Cell] | None = None
     mesher: Meshes | None = None
-    mesher_name: str = ""  # tells one mesher's cells from another's in the cache
+    mesher_name: str = ""  # distinguishes one mesher's cells from another's in the cache
     fresh: int = 0
     reused: int = 0
 
@@ -96,7 +96,7 @@ class Reductions:
         return restricted(cell, reduction.interface) if reduction.further else cell
 
     def _recovered(self, cell: Cell, builder: CellBuilder, parts: list[SymmetryClass]) -> Cell:
-        """The cell less what the stresses of its tetrahedra tell of its mesh."""
+        """The cell corrected by stress recovery on its tetrahedra."""
         system = builder.system
         recovery = StressRecovery(system.mesh, region_materials(self.stack, self.pillar), system.scale)
         return recovered(cell, builder, parts, recovery)
@@ -130,9 +130,9 @@ class Reductions:
         return assemble(mesh, region_materials(self.stack, self.pillar), scale)
 
     def coarser(self, panel: Panel) -> Coarser | None:
-        """What takes the mesh's error from a reduced panel by coarser meshes nested in its own; None for a mesh that has none.
+        """Correction of a reduced panel by coarser meshes nested in its own; None for a mesh that has none.
 
-        Nothing is singular in a bare panel: elements of one order less tell its error, and nothing is taken away.
+        Nothing is singular in a bare panel: elements of one order less estimate its error, without a correction.
         """
         settings, reduction = self.settings(panel), self.reduction
         at_rim = panel.foot is not None and self.pillar is not None and settings.layers > 0
@@ -190,8 +190,8 @@ def _side_nodes(mesh: Mesh, panel: Panel) -> int:
 
 
 class PlateModel:
-    """A finite plate assembled from reduced cells, symmetry class by symmetry class; whole where it is not its own
-    mirror image. bytes_each: what reducing a panel is foreseen to take; as many are reduced at once as memory holds.
+    """A finite plate assembled from reduced cells, symmetry class by symmetry class; whole if it is not its own
+    mirror image. bytes_each: estimated memory to reduce one panel; as many are reduced at once as memory allows.
     """
 
     def __init__(self, design: Design, reductions: Reductions, bytes_each: float = 0.0) -> None:
@@ -216,7 +216,7 @@ class PlateModel:
 
     @cached_property
     def _grid(self) -> Grid:
-        """What the symmetry classes share; a whole plate has every panel's own numbers."""
+        """Numbering shared by the symmetry classes; a whole plate has every panel's own numbers."""
         return Grid(self.tiling, self.cells, False)
 
     def assembled(self, symmetry: str | None) -> AssembledPlate:

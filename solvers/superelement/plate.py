@@ -75,7 +75,7 @@ class AssembledPlate:
         return list({id(placed_cell.cell): placed_cell.cell for placed_cell in self.placed_cells}.values())
 
     def widened(self) -> AssembledPlate:
-        """The same with the further boundary functions that its cells know."""
+        """Return the plate with its cells' further boundary functions."""
         cells = {key: with_further(cell) for key, cell in self.grid.cells.items()}
         return AssembledPlate(self.tiling, cells, self.symmetry)
 
@@ -144,7 +144,7 @@ class AssembledPlate:
             field = np.tensordot(expansion.matrix, self.cell_vectors(placed_cell, vectors), axes=(2, 0))
             values.append(field.transpose(2, 0, 1))
             start += len(expansion.points)
-        if len({part.shape[1] for part in facets}) > 1:  # tetrahedra beside bare panels of hexahedra
+        if len({part.shape[1] for part in facets}) > 1:  # tetrahedra next to bare panels of hexahedra
             facets = [triangles(part) for part in facets]
         return Skin(np.concatenate(points), np.concatenate(facets), np.concatenate(values, axis=1))
 
@@ -174,7 +174,7 @@ def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
         same = cell.interface == first.interface and cell.scale == first.scale
         if not same or abs(cell.size_m[2] - first.size_m[2]) > 1e-9 * first.size_m[2]:
             raise SolverError(
-                f"cells do not fit together: {cell.interface} beside {first.interface}, or another thickness"
+                f"cells do not fit together: {cell.interface} next to {first.interface}, or different thicknesses"
             )
         if not np.allclose(cell.size_m[:2], np.array(key[:2], dtype=float), rtol=0.0, atol=1e-8):
             raise SolverError(f"a cell of {cell.size_m[:2]} m does not fill its panel of {key[:2]} m")
@@ -229,7 +229,7 @@ class Grid:
         return np.concatenate([*corners, *sides, np.arange(first, last)])
 
     def copies(self, i: int, j: int) -> int:
-        """How many panels a representative one stands for."""
+        """Number of panels that a representative one stands for."""
         if self.whole:
             return 1
         return (1 if 2 * i == self.nx - 1 else 2) * (1 if 2 * j == self.ny - 1 else 2)

@@ -30,7 +30,9 @@ from solvers.threads import one_thread
 
 SAME = 1e-6  # of the thickness: one place
 
-Coarser = Callable[[Cell, "CellBuilder", "list[SymmetryClass]"], Cell]  # takes the mesh's error away, by a coarser mesh
+Coarser = Callable[
+    [Cell, "CellBuilder", "list[SymmetryClass]"], Cell
+]  # corrects the discretisation error by a coarser mesh
 
 
 def reduce_cell(
@@ -44,8 +46,8 @@ def reduce_cell(
     """Reduce a panel whose mesh has its middle at the origin; `halved` lists the axes meshed on their positive side only.
 
     Sides listed in `free` join nothing: they move as the mesh lets them, and their bubbles carry nothing.
-    Fixed-interface modes up to `top_hz` are kept. `coarser` takes the mesh's error away. Raises SolverError when a rigid-body
-    mode meets a force or the mass is off.
+    Fixed-interface modes up to `top_hz` are kept. `coarser` corrects the discretisation error. Raises SolverError if a
+    rigid-body mode meets a force or the mass is wrong.
     """
     _enough_nodes(system, interface)
     with one_thread():  # blocks of eight columns: a second thread mostly waits, and another case can use its core
@@ -97,7 +99,7 @@ class ClassSector:
         return self.pencil.expand(vectors).reshape(self.pencil.free.size, -1)
 
     def gathered(self, field: FloatArray) -> FloatArray:
-        """What of a load (3n, k) acts on the degrees of freedom."""
+        """Restrict nodal loads (3n, k) to the free degrees of freedom."""
         return np.asarray(field[self.keep])
 
 
@@ -148,7 +150,7 @@ class CellBuilder:
         return diagonal_mirror(self.system) if square else None
 
     def swapped(self, part: SymmetryClass) -> SymmetryClass:
-        """The same class with x and y exchanged: u'_x(x, y) = u_y(y, x)."""
+        """Return the class with x and y exchanged: u'_x(x, y) = u_y(y, x)."""
         assert self.diagonal is not None
         shapes = part.shapes.reshape(len(self.diagonal), 3, -1)[self.diagonal][:, [1, 0, 2]]
         signs = {0: part.signs[1], 1: part.signs[0]}
@@ -158,7 +160,7 @@ class CellBuilder:
     def classes(self, top_hz: float, bounded: bool = True) -> list[SymmetryClass]:
         """Every symmetry class reduced; where x and y are alike, the class (-, +) is (+, -) turned over.
 
-        bounded: with what bounds the modes left out, which a mesh that only tells another one's error does not need.
+        bounded: with bounds of the discarded modes, which a mesh used only for an error estimate does not need.
         """
         classes = list(product((1, -1), repeat=len(self.halved)))
         turned = {(-1, 1)} if self.diagonal is not None else set()
@@ -172,7 +174,7 @@ class CellBuilder:
         return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
 
     def _halves(self, signs: tuple[int, ...]) -> tuple[int, ...]:
-        """What the mirror x <-> y leaves alone (1) and what it turns over (-1), where x and y are alike in a class; else 0."""
+        """Halves of a class under the mirror x <-> y: invariant (1) and sign-changing (-1); 0 where x and y differ."""
         return (1, -1) if self.diagonal is not None and signs[0] == signs[1] else (0,)
 
     def _inside(self, signs: dict[int, int]) -> BoolArray:
@@ -193,7 +195,7 @@ class CellBuilder:
         return np.asarray(self.system.stiffness[moved].T @ shapes[moved])
 
     def clamp(self, signs: dict[int, int], half: int = 0) -> ClampedBoundaryClass:
-        """The constraint shapes of one symmetry class, or of what the mirror x <-> y does to it: K_II Psi = -K_IB P."""
+        """The constraint shapes of one symmetry class, or of its half under x <-> y: K_II Psi = -K_IB P."""
         sector, basis = self._sector(signs, half), self.interface.parity_basis(signs, half)
         boundary = self._at_boundary(basis)
         factorise, pencil = Factoriser(), sector.pencil  # one symbolic analysis serves the shifted matrices too
@@ -307,7 +309,7 @@ class CellBuilder:
         return Expansion(points, matrix, facets=self._copied(local.reshape(facets.shape), len(used)), order=mesh.order)
 
     def _copied(self, facets: IntArray, nodes: int) -> IntArray:
-        """Facets (m, corners) on every mirror image of so many nodes."""
+        """Facets (m, corners) on every mirror image of `count` nodes."""
         return np.concatenate([facets + copy * nodes for copy in range(self.copies)])
 
     def _skin(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:

@@ -17,7 +17,7 @@ from solvers.superelement.cell import Cell
 # -- diagonal mirror ---------------------------------------------------------------------------------------------------
 # The mirror x <-> y of a square cell: which node is whose image, whether the body really is its own image, and its
 # halves.
-# What the mirror leaves alone and what it turns over do not mix: K and M fall into two blocks of half the size.
+# Fields that the mirror leaves alone and those it turns over do not mix: K and M fall into two blocks of half the size.
 
 SAME = 1e-9  # of the largest coordinate; of a force
 

@@ -30,8 +30,8 @@ from solvers.control.loop import (
 from solvers.errors import SolverError
 
 # -- margins -----------------------------------------------------------------------------------------------------------
-# Poles and margins of the sampled dq loop, exact for the envelope model; what phase and gain error of the carrier it
-# bears.
+# Poles and margins of the sampled dq loop, exact for the envelope model, with the phase and gain errors of the
+# carrier that it tolerates.
 # z = e^{j Omega T} at the slow step's rate. The loop is complex when detuned: both signs of Omega are looked at.
 
 POINTS = 8000
@@ -98,10 +98,10 @@ def margins(setup: Setup) -> Margins:
     """Gain, phase and sensitivity of the sampled loop. SolverError when it is unstable to begin with."""
     poles = closed_loop_poles(setup)
     if not np.all(np.abs(poles) < 1.0):
-        raise SolverError(f"the loop is unstable: a pole of size {np.abs(poles).max():.3f} a step")
+        raise SolverError(f"the loop is unstable: a pole of modulus {np.abs(poles).max():.3f} per step")
 
     def edge(direction: complex, end: float) -> float:
-        """How far the plant's logarithm may go in a direction until the largest pole leaves the circle; inf if it does not."""
+        """Change of the plant's logarithm in a direction at which the largest pole leaves the circle; inf if it does not."""
 
         def growth(x: float) -> float:
             return float(np.abs(closed_loop_poles(setup, np.exp(x * direction))).max()) - 1.0
@@ -131,7 +131,7 @@ FIRMWARE_RESPONSE_S = 0.53e-3  # the time constant that the firmware plans with
 
 @dataclass(frozen=True)
 class DqData:
-    """What is controlled and how. The thesis states no identified values; ours follow its prototype: 31 kHz.
+    """The controlled mode and its controller. The thesis states no identified values; ours follow its prototype: 31 kHz.
 
     target, neighbours: velocity response of each mode, signal over drive in full scales; for sensor "displacement" their
     gains are turned by -j. within_s: asked 95 % response. share: of G Vmax, the step asked for. delay_s: dead time beyond
@@ -227,7 +227,7 @@ class DqStudy:
 
     @property
     def largest_share(self) -> float:
-        """Of the amplitude at full drive: the largest step that does not meet the limit, 1/(K_p G)."""
+        """Largest step without meeting the limit, as a share of the amplitude at full drive: 1/(K_p G)."""
         return 1.0 / (self.sampled.proportional * abs(self.identified.plant.gain))
 
     def to_dict(self) -> dict[str, Any]:

@@ -58,7 +58,7 @@ NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the tra
 MICROMETRE = 1e-6
 
 ASSUMPTIONS = (
-    "patches: Pz26, each actuator in the middle of an equal share of the beam, its two sensor strips beside it as one sensor",
+    "patches: Pz26, each actuator in the middle of an equal share of the beam, its sensor strips on either side as one",
     "quality factor 50 for every mode; perfect clamps; layered Euler-Bernoulli beam, extension without inertia",
     "sensors open; voltages positive when they stretch a patch; 20 modes and the static residual of the others",
     "point beams: the same bare beams with point forces and deflection sensors, without residual, as the text simulates them",
@@ -116,10 +116,10 @@ class Travelling:
 
 @dataclass(frozen=True)
 class ShapingData:
-    """What is computed and with what. The thesis gives the beams, the patches' sizes, 2.2 and 2.4 kHz and 5.9 to 7.4 cm.
+    """Data of the study. The thesis gives the beams, the patches' sizes, 2.2 and 2.4 kHz and 5.9 to 7.4 cm.
 
     calibrate_near_hz: the standing wave for the sensors; wavelengths_m: first, last, number; limit_v: a half-bridge's
-    amplitude; errors: standard deviations; oscillator_kg: mass of each resonator beside the middle third.
+    amplitude; errors: standard deviations; oscillator_kg: mass of each resonator next to the middle third.
     """
 
     beam: PatchedBeam = field(default_factory=PatchedBeam)
@@ -233,7 +233,7 @@ def travel(model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m
 def error_trials(
     model: ShapedBeam, signal: Signal, frequency_hz: float, wavelength_m: float, errors: Errors
 ) -> dict[str, FloatArray]:
-    """What measurement errors do to the left region and to a wave of one length, trial by trial (n,): the region's peak ratio,
+    """Effect of measurement errors on the left region and a wave of one length, by trial (n,): the region's peak ratio,
     the wave's TWR, the pattern's error.
     """
     matrix, field = model.matrix(frequency_hz, signal), model.field(frequency_hz)
@@ -247,7 +247,7 @@ def error_trials(
 
 
 def travel_window(model: ShapedBeam, frequency_hz: float) -> tuple[float, float]:
-    """Where the ends' near field has fallen to a tenth, at most up to 0.4 and from 0.6 of the length, m."""
+    """Window without the ends' near fields (fallen to a tenth), at most up to 0.4 and from 0.6 of the length, m."""
     margin = min(-log(NEAR_FIELD) / (2.0 * pi) * model.free_wavelength_m(frequency_hz), 0.4 * model.beam.length_m)
     return margin, model.beam.length_m - margin
 
@@ -319,7 +319,7 @@ def bare_modes_hz(beam: PatchedBeam, count: int) -> FloatArray:
 
 
 def choices(data: ShapingData, frequency_hz: float) -> tuple[dict[str, Any], ...]:
-    """What pitches of 1/6, 1/6.5 and 1/7 of the length and Q of 20, 50 and 200 give on the long beam: conditioning of T by
+    """Effect of pitches of 1/6, 1/6.5 and 1/7 of the length and Q of 20, 50 and 200 on the long beam: conditioning of T by
     signal, and the largest TWR of waves asked for in displacement.
     """
     length, wavelengths, out = data.beam.length_m, np.linspace(*data.wavelengths_m), []

@@ -132,13 +132,13 @@ def _aligned(lattice: ReducedLattice, waves: ComplexArray, neighbour: ComplexArr
 
 def _partner(like: FloatArray) -> IntArray:
     """For each row the column assigned so that the sum of the likenesses is largest."""
-    # no entry is nought, or it would be no edge; scipy.optimize has the same, slow to import
+    # no entry is 0, which would remove the edge; scipy.optimize has the same, but is slow to import
     _, column = min_weight_full_bipartite_matching(sp.csr_array(1.0 + like), maximize=True)
     return np.asarray(column, dtype=np.int64)
 
 
 def _through(like: FloatArray) -> IntArray:
-    """The same at one wavevector, from the waves of the step before to those of the next.
+    """Partners at one wavevector, from the waves of the previous step to those of the next.
 
     Where the path turns, degenerate waves may be equally alike: they go on in their order.
     """
@@ -170,14 +170,14 @@ def _dense(numbers: Sequence[IntArray]) -> IntArray:
 
 
 # -- polarisation ------------------------------------------------------------------------------------------------------
-# How a wave of the plate is polarised: flexural, shear or longitudinal, and how much of it moves in the pillar.
+# Polarisation of a plate wave: flexural, shear or longitudinal, and its share in the pillar.
 # Along the cell's boundary lines the Legendre layer 0 is the mean through the thickness. Flexural waves carry it in
 # u_z; in-plane ones are compared with plane waves along k + G, u || k + G (longitudinal) and u perpendicular to it
 # (shear), so that a label does not depend on which of the equivalent wavevectors names the wave.
 
 NAMES = ("flexural", "shear", "longitudinal", "pillar")
 HALF = 0.5
-FELT = 0.25  # share of u_z in the square: its rms is half of the whole motion's, what a finger notices
+FELT = 0.25  # share of u_z in the square: its rms is half of the whole motion's, which a finger notices
 EQUAL_PARTS = 1e-6  # relative: what symmetry makes equal; equal parts of both count as shear
 FOLDS = 2  # reciprocal vectors tried along each axis: -2 to 2
 
@@ -219,7 +219,7 @@ def label_of(
 
 
 def is_flexural(cells: Periodic, dofs: ComplexArray) -> BoolArray:
-    """Which waves `label_of` calls flexural, (n,)."""
+    """Mask of the waves that `label_of` calls flexural, (n,)."""
     _, weights, motion = _line_motion(cells, dofs)
     return np.asarray(_flexural(weights, motion) > FELT)
 
@@ -358,7 +358,7 @@ class Mirrors:
 
     @cached_property
     def _diagonal(self) -> FloatArray | None:
-        """How the diagonal mirror exchanges the fixed-interface modes, from their coupling C to the boundary: C R = P C."""
+        """Action of the diagonal mirror on the fixed-interface modes, from their coupling C to the boundary: C R = P C."""
         cell, count = self.cell, self.cell.interface.count
         if not np.isclose(*cell.size_m[:2], rtol=SAME, atol=0.0):
             return None

@@ -155,7 +155,7 @@ def test_a_mode_that_lanczos_always_loses_is_never_silently_missing(
         return values[keep], vectors[:, keep]
 
     monkeypatch.setattr(eigen._Solver, "lanczos", blind)
-    with pytest.raises(CountMismatch, match=r"modes found between .* where the inertia counts"):
+    with pytest.raises(CountMismatch, match=r"modes found between .* but the inertia count is"):
         if entry == "band":
             modes_in_band(body, 0.0, (truth[8] + truth[9]) / 2.0)
         else:
@@ -285,7 +285,7 @@ def test_the_lowest_values_raise_when_one_is_lost(monkeypatch: pytest.MonkeyPatc
         return np.delete(values, 1), np.delete(vectors, 1, axis=1)
 
     monkeypatch.setattr(eigen._Solver, "lanczos", blind)
-    with pytest.raises(CountMismatch, match="the inertia counts"):
+    with pytest.raises(CountMismatch, match="the inertia count is"):
         lowest_pairs(body, 4)
 
 
