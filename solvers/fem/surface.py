@@ -395,7 +395,7 @@ def _cut_rules(
 
 
 def _solid(count: int, order: int) -> tuple[Element, IntArray]:
-    """The element with a facet of this number of nodes at its least z, and which of its nodes these are, in the facet's order."""
+    """The element with a facet of this number of nodes at its least z, and those nodes, in the facet's order."""
     solid = element("tet" if count in TRIANGLES else "hex", order)
     height = solid.points[:, 2]
     return solid, np.flatnonzero(height == height.min())

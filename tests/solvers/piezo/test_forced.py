@@ -380,7 +380,7 @@ def test_a_patch_whose_matrices_no_memory_holds_is_refused_before_they_are_made(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(machine, "room_bytes", lambda: 1e6)
-    with pytest.raises(TooLarge, match=r"a patch of 8 x 4 mm .* take shorter patches"):
+    with pytest.raises(TooLarge, match=r"a patch of 8 x 4 mm .* use shorter patches"):
         bonded_patch(PZ26, MIDDLE[0], 0.123e-3, True)
 
 

@@ -198,11 +198,11 @@ def test_a_foot_flush_with_the_edge_stays_there_and_grows_inwards() -> None:
 
 
 def test_only_what_was_reached_is_interpolated(middle: CellFamily) -> None:
-    with pytest.raises(SolverError, match="interpolated up to"):
+    with pytest.raises(SolverError, match="interpolation reaches"):
         middle.at(np.array([0.16e-3, 0.0, 0.0, 0.0]))
     narrow = cell_family(SETTING, MIDDLE, np.array([0.1e-3, 0.0, 0.0, 0.0]))
     assert narrow.nodes == ((-1, 0, 0, 0), (1, 0, 0, 0))
-    with pytest.raises(SolverError, match="interpolated up to"):
+    with pytest.raises(SolverError, match="interpolation reaches"):
         narrow.at(np.array([0.0, 0.01e-3, 0.0, 0.0]))
 
 
