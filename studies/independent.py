@@ -3,7 +3,7 @@
 Displacements are products of Legendre polynomials in x, y and z; the eight parities do not mix. Frequencies converge from
 above, fast, since stresses are bounded at the edges of a free block (visscher1991).
 
-Nothing of it is condensed, reduced or extrapolated by what a driven plate is computed with: the reference for that.
+Nothing is condensed, reduced or extrapolated as in a driven plate, for which these are the reference.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SHRINK, EXPONENT = (
 
 LEFT = SHRINK ** (2.0 * EXPONENT)  # of the error, after one more layer
 SIZE_M = 2e-3  # of elements of order 3 away from edges
-UNSURE = 0.3  # of the last step: what its extrapolation may be off by
+UNSURE = 0.3  # of the last step: uncertainty of its extrapolation
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def free_block_hz(
 
 
 def solid_modes(bonded: BondedPlate, middle_hz: float, layers: tuple[int, int] = (1, 2)) -> SolidModes:
-    """Modes about a frequency in the limit of meshes of so many layers: what one leaves of the error goes on alike."""
+    """Modes about a frequency, extrapolated over meshes of these numbers of layers; each layer reduces the error equally."""
     coarse, fine = (_modes(bonded, middle_hz, each) for each in layers)
     count = min(len(coarse[0]), len(fine[0]))
     limits = [b[:count] - (a[:count] - b[:count]) * LEFT / (1.0 - LEFT) for a, b in zip(coarse, fine, strict=True)]

@@ -65,7 +65,7 @@ TITLES = {  # how licence texts begin, on a line of their own; one file says it 
 }
 SOURCES = (".py", ".pyc", ".pyi", ".h")
 LICENCE_FILE = re.compile(r"licen[cs]e|copying|copyright|/licenses/", re.I)
-LIBRARIES = (  # what wheels carry beside their own code: by file name, under terms beyond a notice
+LIBRARIES = (  # what wheels carry in addition to their own code: by file name, under terms beyond a notice
     ("libTK[A-Z0-9]", "Open CASCADE Technology", "LGPL-2.1-only WITH OCCT-exception-1.0"),
     ("libcoinmumps", "MUMPS", "CeCILL-C"),
     ("libfreeimage", "FreeImage", "FreeImage OR GPL-2.0 OR GPL-3.0"),
@@ -116,7 +116,7 @@ def _single_family(licence: str) -> str:
 
 
 def extras() -> dict[str, list[Requirement]]:
-    """What each extra of pyproject.toml asks for; "" is what is always needed."""
+    """Requirements of each extra of pyproject.toml; "" holds those that are always needed."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     requirements = {"": project["dependencies"], **project["optional-dependencies"]}
     return {name: [Requirement(line) for line in lines] for name, lines in requirements.items()}
@@ -158,7 +158,7 @@ def locked() -> dict[str, str]:
 
 
 def package(name: str, versions: dict[str, str]) -> Package:
-    """What an installed package says of itself. Raises OtherVersion, NotInstalled."""
+    """Metadata of an installed package. Raises OtherVersion, NotInstalled."""
     distribution = _distribution(name)
     about = distribution.metadata
     if about["Version"] != versions.get(name):
@@ -256,7 +256,7 @@ def main(arguments: list[str] | None = None) -> int:
     if not stands:
         write_atomic(PAGE, (prose + (mark or MARK) + made).encode())
     print(made if not about.check else "", end="")
-    print(f"docs/licences.md {'stands' if stands else 'is written anew'}", file=sys.stderr)
+    print(f"docs/licences.md {'is up to date' if stands else 'has been rewritten'}", file=sys.stderr)
     return 0
 
 

@@ -1,1 +1,1 @@
-"""Beside other programs: the same parts solved by what users would take instead, error against processor seconds."""
+"""Comparison with other programs: the same parts solved by their users' choices, error against processor seconds."""
