@@ -183,7 +183,7 @@ class PillarGroup:
 class Design:
     """The plate as built: zone, pillar rows on both sides, passive margin. Lengths in m.
 
-    Where rows differ, `graded` and `graded_pitches_m` hold one entry a row from the zone outwards, a row standing in the
+    Where rows differ, `graded` and `graded_pitches_m` hold one entry per row from the zone outwards, a row standing in the
     middle of a strip as wide as its pitch; pillar and pitch_y_m are then the first row's. Empty, all rows are alike.
     With `stagger` every other row, from the second on, stands half a pitch along x beside its neighbours.
     `zones` of equal size lie side by side along y, centred, zone_gap_m between their borders; `shared_rows` stand in each gap,

@@ -38,7 +38,7 @@ class OutOfMemory(TooLarge):
 
 
 def check_above_zero(what: str, *values: float) -> None:
-    """SolverError unless every value is a finite number above 0."""
+    """Raise SolverError unless every value is a finite number above 0."""
     for value in values:
         if not (isfinite(value) and value > 0.0):
             raise SolverError(f"{what} = {value:g}: must be a finite number above 0")
@@ -57,7 +57,7 @@ def solved(matrix: NDArray[Any], load: NDArray[Any], trouble: str = RESONANT) ->
 
 
 def check_bounded(sizes: NDArray[np.float64], rad_s: NDArray[np.float64]) -> None:
-    """SolverError when an answer, of a size 1 far from a resonance, is rounding noise over the zero of a lossless one."""
+    """Raise SolverError for an answer (of size 1 far from a resonance) that is rounding noise at a lossless one."""
     if not np.all(sizes <= UNBOUNDED):
         worst = rad_s[int(np.argmax(np.nan_to_num(sizes, nan=np.inf)))]
         raise SolverError(f"{RESONANT} (near {worst / (2.0 * pi):.9g} Hz)")

@@ -133,7 +133,7 @@ def _pool() -> ThreadPoolExecutor:
 
 
 class _OneThread:
-    """Limit on the pools of numpy and scipy while any thread asks for it, since the limit is the process's."""
+    """Limit on the pools of numpy and scipy while any thread needs it, since the limit is the process's."""
 
     def __init__(self) -> None:
         self._lock, self._holders, self._limiter = threading.Lock(), 0, None

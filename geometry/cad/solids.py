@@ -42,7 +42,7 @@ class Box:
 class Body:
     """A CAD shape in mm and what a mesher must know about it, in m.
 
-    Plate from 0 to z = `thickness_m`, pillars above, or on both sides; the lone pillar has thickness 0. `bonds` names the
+    Plate from 0 to z = `thickness_m`, pillars above, or on both sides; the isolated pillar has thickness 0. `bonds` names the
     parts ("pillar", "tip") of another material: `shape` is one cadquery solid without any, else solids that share their
     contact faces. `tips` are the heavy tips whose material is not their pillar's.
     """
@@ -175,7 +175,7 @@ class CadSurface:
 
 
 def pillar_solid(pillar: Pillar) -> Body:
-    """The lone pillar, foot on z = 0, axis +z, fillet flare and heavy tip included.
+    """The isolated pillar, foot on z = 0, axis +z, fillet flare and heavy tip included.
 
     Raises GeometryError when the shape or its fillet cannot be built, or the STEP file is not a pillar.
     """
@@ -219,7 +219,7 @@ def plate_solid(design: Design, mirrors: str = "") -> Body:
 
 
 def part_solid(design: Design, part: str) -> Body:
-    """The whole zone, lone pillar or plate."""
+    """The whole zone, isolated pillar or plate."""
     if part == "pillar":
         assert design.pillar
         return pillar_solid(design.pillar)

@@ -123,7 +123,7 @@ def _write_families(file: Any, name: str, cells: Families, nodes: Families) -> N
 def read_med(path: str | os.PathLike[str]) -> RawMesh:
     """The one mesh of a MED file.
 
-    MeshFileError when the file is not MED or holds no mesh, several, or one with a wrong index.
+    Raises MeshFileError if the file is not MED or holds no mesh, several, or one with a wrong index.
     """
     import h5py
 

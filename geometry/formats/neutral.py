@@ -77,7 +77,7 @@ def mirrored(cell_type: str, places: Rings) -> list[list[int]]:
 
 
 def require_file(file: Path) -> None:
-    """MeshFileError where no regular file stands: a device or a pipe may have no end."""
+    """Raise MeshFileError unless the path is a regular file: a device or a pipe may have no end."""
     if not file.is_file():
         what = "not a regular file" if file.exists() else "no such mesh file"
         raise MeshFileError(f"{file}: {what}")

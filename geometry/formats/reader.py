@@ -151,7 +151,7 @@ def _mesh(raw: RawMesh, file: str, unit: str) -> AnyMesh:
 
 
 def _volume_types(raw: RawMesh, file: str) -> list[str]:
-    """The cell types of the volume elements. MeshFileError when there are none, or some that are not read."""
+    """The cell types of the volume elements. Raises MeshFileError if there are none, or some that are not read."""
     given = list(dict.fromkeys(kind for kind, block in raw.blocks if len(block) and DIMENSION.get(kind, 3) == 3))
     for cell_type in given:
         if cell_type not in READABLE:
@@ -163,7 +163,7 @@ def _volume_types(raw: RawMesh, file: str) -> list[str]:
 
 
 def _check_raw(raw: RawMesh, file: str) -> None:
-    """MeshFileError for a coordinate that is no number, and for every index, of nodes and of groups, that is out of range."""
+    """Raise MeshFileError for a coordinate that is not a number, and for an index of nodes or groups out of range."""
     wrong = np.flatnonzero(~(np.abs(raw.points) <= FARTHEST).all(axis=1))
     if len(wrong):
         text = ", ".join(f"{value:g}" for value in raw.points[wrong[0]])
@@ -189,7 +189,7 @@ def _check_range(indices: IntArray, count: int, where: str, what: str) -> None:
 
 
 def _refuse_twins(corners: IntArray, file: str) -> None:
-    """MeshFileError when two elements have the same corners: their stiffness and mass would count twice."""
+    """Raise MeshFileError if two elements have the same corners: their stiffness and mass would count twice."""
     _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
     twins = np.flatnonzero(count > 1)
     if len(twins):
@@ -293,7 +293,7 @@ def _facets_by_corners(blocks: Sequence[Mesh]) -> dict[int, tuple[IntArray, IntA
 
 
 def _check_fit(shapes: dict[int, tuple[IntArray, IntArray]], nodes: FloatArray, file: str) -> None:
-    """MeshFileError where triangles lean against a square: displacements would gape there."""
+    """Raise MeshFileError if triangles lean against a square: displacements would gape there."""
     if len(shapes) < 2:
         return
     squares = shapes[4][0]

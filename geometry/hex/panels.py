@@ -423,7 +423,7 @@ def _placed(patch: Patch, mesh: Mesh) -> FloatArray:
 
 
 def _check_joints(mesh: Mesh, thickness: float) -> None:
-    """MeshError where a facet of one element alone lies neither on a side, nor on the plate's faces or beyond them."""
+    """Raise MeshError if a facet of one element alone lies neither on a side, nor on the plate's faces or beyond them."""
     alone = np.sort(_alone(mesh), axis=1)
     z = mesh.nodes[alone, 2] / thickness
     above = (z >= 1.0 - 1e-9).all(axis=1) | (z <= 1e-9).all(axis=1)

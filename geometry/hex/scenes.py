@@ -176,7 +176,7 @@ def zone_scene(design: Design, settings: HexSettings, quarter: bool = True) -> S
 
 
 def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The lone pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim and its own inner edges."""
+    """The isolated pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim and its own inner edges."""
     foot = _foot(pillar)
     x, y = _edges(pillar)
     if quarter:
@@ -247,7 +247,7 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
 
 
 def part_scene(design: Design, part: str, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The zone, the lone pillar or the plate."""
+    """The zone, the isolated pillar or the plate."""
     if part == "pillar":
         assert design.pillar
         return pillar_scene(design.pillar, settings, quarter)
@@ -322,7 +322,7 @@ def _foot(pillar: Pillar) -> FloatArray:
 
 @dataclass(frozen=True)
 class Block:
-    """Boxes alike but for their counts: elements along x and y, one entry a column and a row of them, and along z.
+    """Boxes alike but for their counts: elements along x and y, one entry per column and per row of them, and along z.
 
     A union of rectangles is counted by inclusion and exclusion: what several share has the sign -1, +1 in turn. A block that
     `stands` on another shares its lowest nodes.

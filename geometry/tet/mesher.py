@@ -1,4 +1,4 @@
-"""Quadratic tetrahedra of a CAD body: surface -> pytetwild -> snapped onto the CAD faces -> checked, or refused.
+"""Quadratic tetrahedra of a CAD body: surface -> pytetwild -> snapped onto the CAD faces -> checked, or rejected.
 
 pytetwild is not deterministic: a mesh is known by its sha256, not by what it was made from.
 """

@@ -98,7 +98,7 @@ class Columns:
 
 
 def tet_quarter(design: Design, edge_m: float, columns: Columns, size: NearSegments) -> Mesh:
-    """The quarter x, y >= 0 of a plate of such columns. MeshError where a mesh is refused."""
+    """The quarter x, y >= 0 of a plate of such columns. Raises MeshError for a rejected mesh."""
     body = solids.plate_solid(columns.alone(design), "xy")
     column = tet_mesh(body, edge_m, size)
     quarter = _assembled(column, columns)
@@ -205,7 +205,7 @@ def tet_plate(design: Design, edge_m: float, quarter: bool = False) -> Mesh:
 
 
 def tet_part(design: Design, part: str, edge_m: float, quarter: bool = False) -> Mesh:
-    """The zone or the plate, whole or the quarter x, y >= 0, or the whole lone pillar."""
+    """The zone or the plate, whole or the quarter x, y >= 0, or the whole isolated pillar."""
     if part == "pillar":
         assert design.pillar
         return tet_pillar(design.pillar, edge_m)

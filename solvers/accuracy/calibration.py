@@ -22,7 +22,7 @@ PLATE, MIXING = "plate", "mixing"
 # of the study's parts: thickness over half-wavelength, side over height
 SLENDER = {"zone": 8 * 2.0 / 115.5, "pillar": 2.0 / 6.3}
 # tests/verification/test_error_bars.py counts how often the bar holds on other scenes; tetrahedra differ from run to run
-SAFETY = {HEX: 1.5, TET: 2.0, PLATE: 1.25}  # a plate's modes lie far below the highest bands that a cell is asked for
+SAFETY = {HEX: 1.5, TET: 2.0, PLATE: 1.25}  # a plate's modes lie far below the highest bands computed for a cell
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class MeshLevel:
     """One calibrated mesh: order, layers graded towards singular edges and their factor, element size over the part's
     own.
 
-    The size is that in the plate; of a lone pillar, whose section takes two elements, that along it.
+    The size is that in the plate; of an isolated pillar, whose section takes two elements, that along it.
     """
 
     order: int

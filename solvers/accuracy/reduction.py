@@ -8,7 +8,7 @@ the coarser mesh are turned onto those of the finer one, Q = U V' from (M_fine P
 
 Tetrahedra have no coarser nested mesh: the energy lost by `StressRecovery` estimates the error of K_r.
 
-Fixed-interface modes left out take l^2 D from the boundary's dynamic stiffness, D their residual flexibility, which each
+Discarded fixed-interface modes take l^2 D from the boundary's dynamic stiffness, D their residual flexibility, which each
 cell knows (`Cell.dropped`): an eigenvalue l falls by l^2 u'D u, to first order. Without a part d of the eigenvector u, its
 last degree along the sides, Rayleigh's quotient rises by d'(K - l M)d / (u - d)'M(u - d): what that degree brought bounds the
 next ones. Further degrees through the thickness e, which a thick plate's cells know (`Cell.further`), lower it by
@@ -16,7 +16,7 @@ r'(K_ee - l M_ee)^-1 r, r = (K_e - l M_e)u, to second order in what they couple.
 
 The meshes coupled at their boundary functions have the boundary's dynamic stiffness S and the interiors' own eigenvalues,
 N = N(S) + sum N(interior), both below lambda (wittrick1971). Every interior mode up to Lambda is kept, so the reduced pencil
-counts the interiors' whole; what modes left out take from S is bounded (`Cell.dropped`) and only lowers it. Hence
+counts the interiors' whole; what discarded modes take from S is bounded (`Cell.dropped`) and only lowers it. Hence
 N_reduced <= N <= N of the pencil with that bound taken from its stiffness.
 
 The discarded fixed-interface modes act through their residual flexibility, with bounds (`Waves.by_modes`). Without the
@@ -86,7 +86,7 @@ TIMES_ROUNDING = (
 # even or odd along the sides hides one of both
 OTHER_PARITY = 0.5
 
-STILL = 1e-4  # of the highest frequency asked for: slower waves are rigid-body modes but for rounding
+STILL = 1e-4  # of the highest requested frequency: slower waves are rigid-body modes but for rounding
 
 
 @dataclass(frozen=True)
@@ -371,7 +371,7 @@ def cutoff_hz(lattice: ReducedLattice, wavevectors: FloatArray, count: int, targ
 
 
 def truncation_bars(rises: FloatArray, share: float = 1.0) -> FloatArray:
-    """Half-widths of truncation error bars from the estimates of waves (wavevectors, bands), of the same shape; share: of them.
+    """Truncation error bars (half-widths) from the estimates of waves (wavevectors, bands), of the same shape; share: of them.
 
     A wave may hide an error that others of its band or of one below show; no error exceeds the worst of all.
     """

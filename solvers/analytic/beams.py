@@ -150,7 +150,7 @@ def roots_along(function: Callable[[float], float], grid: Iterable[float], xtol:
 
 
 def check_ends(*ends: str) -> None:
-    """SolverError when an end condition is not clamped, pinned, sliding or free."""
+    """Raise SolverError if an end condition is not clamped, pinned, sliding or free."""
     for end in ends:
         if end not in VANISHING:
             raise SolverError(f"end condition {end!r}: must be one of {', '.join(VANISHING)}")
@@ -264,7 +264,7 @@ def beam_of(length_m: float, area_m2: float, about_m4: float, shear_factor: floa
 
 
 def check_beam(beam: Beam, count: int) -> None:
-    """SolverError unless every size is finite and above 0 and at least one mode is asked."""
+    """Raise SolverError unless every size is finite and above 0 and at least one mode is requested."""
     sizes = (beam.length_m, beam.bending_n_m2, beam.shear_n, beam.mass_kg_m, beam.rotary_kg_m)
     if count < 1 or not all(np.isfinite(size) and size > 0.0 for size in sizes):
         raise SolverError(f"beam {sizes}, count {count}: every number must be finite and above 0")

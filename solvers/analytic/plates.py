@@ -342,7 +342,7 @@ def _axis(size_m: float, parity: int, count: int, power: int) -> _Axis:
 
 @lru_cache(maxsize=32)
 def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
-    """Points and weights of the Gauss-Legendre rule; a plate asks for the same two rules a dozen times."""
+    """Points and weights of the Gauss-Legendre rule; a plate needs the same two rules a dozen times."""
     points, weights = legendre.leggauss(count)
     return points, weights
 

@@ -15,15 +15,15 @@ from solvers.piezo.forced import ForcedPlate, GroupModes
 from solvers.piezo.responses import frequency_errors, load_errors
 
 # -- quadratic forms ---------------------------------------------------------------------------------------------------
-# Error bars of a driven plate's response at many frequencies, from one solve: its quadratic forms on plates within its bars.
+# Error bars of a driven plate's response at many frequencies, from one solve: quadratic forms on plates within its bars.
 # What may be wrong, each independent of the others and their changes added by squares, with the worst of each:
 #
 # * the frequency of each mode, within its bar: at its ends, where the resonance comes nearest to the tone, and half-way there;
-# * the stiffness that couples the mode nearest to a tone with each other one of its group, as `error_bars` has it;
-# * the load of each mode: what its patches may be wrong by has one origin and adds up by size;
+# * the stiffness that couples the mode nearest to a frequency with each other one of its group, as `error_bars` has it;
+# * the load of each mode: the errors of its patches have one origin and add up by size;
 # * the load of each driver, and of all of them, on all modes; what lies beyond the modes, as much as the least known mode.
 
-Change = Callable[[Any], ComplexArray]  # of Forms, or of Motions at as many tones
+Change = Callable[[Any], ComplexArray]  # of Forms, or of Motions at as many frequencies
 SIGNS = np.array([-1.0, 1.0])
 AT_ONCE = 16  # tones
 ROUNDING = 1e-9  # of the largest sum that amplitudes could give: less counts as no motion
@@ -52,7 +52,7 @@ class Doubts:
         return np.asarray(np.abs(np.sqrt(self.value) - np.sqrt(eigenvalue)[:, None]).argmin(axis=1))
 
     def ends(self, eigenvalue: float) -> tuple[int, FloatArray]:
-        """The mode nearest to a tone, and factors (2,) on its frequency at the ends of its bar."""
+        """The mode nearest to a frequency, and factors (2,) on its frequency at the ends of its bar."""
         mode = int(self.nearest(np.array([eigenvalue]))[0])
         return mode, np.sqrt(1.0 + self.change[mode] / self.value[mode])
 
@@ -97,9 +97,9 @@ def changes(
     ----------
     known : Doubts
     forms : Forms or Motions
-        At the tones; the changes may be asked of forms of the same plate at as many other tones, too.
+        At the frequencies; the changes may be applied to forms at as many other frequencies, too.
     eigenvalue : ndarray, shape (t,)
-        Of the tones, scaled.
+        Of the frequencies, scaled.
     volts : ndarray, shape (t, d)
         By which loads on a mode add up.
     still : int, optional
@@ -108,7 +108,9 @@ def changes(
     softer = forms.lossy * forms.own
     nearest = np.clip(-softer.real / np.abs(softer) ** 2, *known.change.T)
     ends = [np.broadcast_to(end, nearest.shape) for end in known.change.T]
-    between = [0.5 * (end + nearest) for end in ends]  # for figures of more than one tone, which lie worst elsewhere
+    between = [
+        0.5 * (end + nearest) for end in ends
+    ]  # for figures of several frequencies, whose worst case lies elsewhere
     moved = np.stack([*ends, nearest, *between], axis=-1)
     if still is not None:
         moved[:, still] = 0.0
@@ -154,7 +156,7 @@ def _louder(known: Doubts) -> FloatArray:
 def half_widths(
     nominal: FloatArray, sources: Iterator[Change], forms: Sequence[Forms | Motions], figures: Callable[..., FloatArray]
 ) -> FloatArray:
-    """Half-widths (f, t) of the bars of figures (f, t), by all sources together.
+    """Error bars (half-widths) (f, t) of figures (f, t), by all sources together.
 
     figures: gives them (f, t, m, s) from S (k, t, m, s, d, d) of each of the plate's forms.
     """
@@ -168,7 +170,7 @@ def half_widths(
 def rms_bars(
     known: Doubts, forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray, volts: ComplexArray
 ) -> FloatArray:
-    """Half-widths of the bars of the rms of u_z over k parts, in the unit of the rms, (f, k, t).
+    """Error bars (half-widths) of the rms of u_z over k parts, in the unit of the rms, (f, k, t).
 
     Parameters
     ----------
@@ -202,7 +204,7 @@ def with_peak(
     known: Doubts, forced: ForcedPlate, grams: FloatArray, peak_hz: float, volts: ComplexArray,
     figures: Callable[[ComplexArray], FloatArray],
 ) -> FloatArray:  # fmt: skip
-    """Half-widths (f,) of figures at a peak that follows its mode, the nearest one; volts (d,) of the drivers.
+    """Error bars (half-widths) (f,) of figures at a peak that follows its mode, the nearest one; volts (d,) of the drivers.
 
     figures: gives them from S (k, ..., 1, 1), (f, ...).
     """
@@ -380,7 +382,7 @@ Figures = Callable[..., FloatArray]
 def peak_half_widths(
     known: Doubts, motions: Callable[[float], list[Motions]], eigenvalue: float, volts: ComplexArray, figures: Figures
 ) -> FloatArray:
-    """Half-widths (f, t) of the bars of figures at a peak that follows its mode, the nearest one.
+    """Error bars (half-widths) (f, t) of figures at a peak that follows its mode, the nearest one.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from solvers.piezo.responses import open_patches
 
 # -- any figure --------------------------------------------------------------------------------------------------------
 # Error bars of a driven plate: those of its resonances, and those of any figure computed from them.
-# A stiffness that is wrong by d, |d_ij| <= 2 e (l_i l_j)^(1/2) of M-orthonormal modes with eigenvalues l and relative
+# A stiffness with an error d, |d_ij| <= 2 e (l_i l_j)^(1/2) of M-orthonormal modes with eigenvalues l and relative
 # frequency errors e (parlett1998), moves each resonance and mixes the modes. A figure is computed again on plates
 # that differ so: every resonance moved to either end of its bar, the pairs of a resonating mode and each other one
 # mixed. It is nonlinear where modes lie close to each other or to the tone; the changes of independent sources add up
@@ -54,7 +54,7 @@ def frequency_error(forced: ForcedPlate, frequency_hz: float, errors: list[Float
 
 @dataclass(frozen=True)
 class Variation:
-    """A plate within its bars: new eigenvalues of some modes of a group, and the pair that turns into each other by an angle.
+    """A plate within its error bars: new eigenvalues of some modes of a group, and the pair mixed by an angle.
 
     own: factor on the frequency of the resonance in question.
     """
@@ -139,7 +139,7 @@ class Variation:
 def variations(
     forced: ForcedPlate, errors: list[FloatArray], resonating_hz: float, share: float
 ) -> Iterator[tuple[Variation, ...]]:
-    """Plates within the bars about the resonance nearest to a frequency, those of one source together.
+    """Plates within the error bars about the resonance nearest to a frequency, those of one source together.
 
     share: of the bound on mixing that is expected (`solvers.accuracy.calibration`).
     """
@@ -245,15 +245,15 @@ def half_widths(
 # First-order changes of the quality factor read from a peak, by small changes of the modes behind it.
 # The zone's square z^2 = sum a^H G a has modal amplitudes a = D g'v with voltages v. A symmetric change E of the
 # modes' stiffness changes it by -2 Re (1 + i/Q) s'D E a, s' = a^H G - q^H C^-1 g': q = dz^2/dv, C the charge per volt
-# of the patches that no voltage holds. One adjoint a tone so serves every E; the changes of ln z^2 on the peak and at
+# of the patches that no voltage holds. One adjoint per frequency so serves every E; the changes of ln z^2 on the peak and at
 # its half-power points make that of the quality factor.
 
-STEP = 0.01  # of the half-power width: tones on both sides of one, for derivatives
+STEP = 0.01  # of the half-power width: frequencies on both sides of one, for derivatives
 
 
 @dataclass(frozen=True, eq=False)
 class WidthRates:
-    """Rates of ln Q per change of the modes' stiffness, (modes, modes) a group, and the largest flexibility of each mode about
+    """Rates of ln Q per change of the modes' stiffness, (modes, modes) per group, and each mode's largest flexibility about
     the peak, (modes,).
     """
 
@@ -307,7 +307,7 @@ def width_rates(forced: ForcedPlate, peak_hz: float, half_hz: tuple[float, float
 
 
 def _weights(level: FloatArray, peak_hz: float, width: float, step: float) -> FloatArray:
-    """Change of ln Q = ln f0 - ln (f2 - f1) per change of ln z^2 at the tones, three about each of f0, f1 and f2, (9,)."""
+    """Change of ln Q = ln f0 - ln (f2 - f1) per change of ln z^2, at three frequencies about each of f0, f1 and f2, (9,)."""
     top, low, high = level.reshape(3, 3)
     below, above = (side[2] - side[0] for side in (low, high))
     curving = top[0] - 2.0 * top[1] + top[2]

@@ -83,7 +83,7 @@ def clamped_charges(plate: ForcedPlate, eigenvalue: float | FloatArray) -> tuple
 
 @dataclass(frozen=True, eq=False)
 class Forms:
-    """A plate's forms at t tones.
+    """A plate's forms at t frequencies.
 
     grams (k, columns, columns): of the parts. places (n,): the modes' columns. answers (t, columns, d): X. flexible (t, n): of
     the modes alone. charged (t, columns, o), gains (n, o): answers to unit charges on the open patches, and their gains.

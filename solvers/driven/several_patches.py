@@ -119,7 +119,7 @@ def zone_volts(forced: ForcedPlate, centres_m: FloatArray) -> FloatArray:
 
 
 def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray, known: Doubts | None) -> FloatArray:
-    """Half-widths of the error bars of every zone's rms while each is driven.
+    """Error bars (half-widths) of every zone's rms while each is driven.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray,
 
 
 def peak_half_widths(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, known: Doubts | None) -> dict[str, Any]:
-    """Half-widths of the error bars of one driven zone's figures at its peak, by name.
+    """Error bars (half-widths) of one driven zone's figures at its peak, by name.
 
     `rms_error_m_per_V` and `level_error_db` (zones,), `passive_error_db` and `mac_error`; NaN without an estimate.
     """

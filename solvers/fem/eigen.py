@@ -33,7 +33,7 @@ SLIGHT = 1e-8  # of a frequency: rounding too small to be examined
 EPSILON = float(np.finfo(float).eps)
 # eigenpairs of a slice that, with as many beyond it, cost less from the factor at its end than from another factor
 FEW = 6
-# Relative moves of a shift at which a factorisation is refused: a count belongs to its frequency, a search may stand aside.
+# Relative moves of a shift if a factorisation is rejected: a count belongs to its frequency, a search may stand aside.
 COUNTED = (0.0, 3e-7, 1.8e-6, 8.1e-6, 3.2e-5, 1.2e-4)
 SEARCHED = (0.0, 1e-5, 1e-3, 1e-2)
 
@@ -120,9 +120,33 @@ def modes_in_band(
     high_hz: float,
     backend: str | Shared | None = None,
 ) -> Modes:
-    """Every elastic mode with low <= f <= high. Raises CountMismatch when the count does not close.
+    """Compute every elastic mode in a frequency band.
 
-    `backend` names a factorisation or holds what earlier solves of the pencil found; its factor of K serves a band from 0.
+    Parameters
+    ----------
+    pencil : PlainPencil
+        Stiffness and mass, both (dof, dof), with their units.
+    low_hz, high_hz : float
+        Ends of the band in Hz, inclusive.
+    backend : str or Shared, optional
+        Name of a factorisation, or the counts and factors that earlier solves of this pencil share; its factor of K serves a
+        band from 0.
+
+    Returns
+    -------
+    Modes
+        Ascending frequencies (k,) in Hz, M-orthonormal vectors (dof, k), residuals (k,) and the inertia count.
+
+    Raises
+    ------
+    CountMismatch
+        If the number of modes found differs from Sylvester's inertia count of the band.
+    SolverError
+        If a residual, the orthonormality or the round-off exceeds its limit.
+
+    References
+    ----------
+    .. [1] parlett1998 (docs/references.bib)
     """
     solver = _Solver(pencil, backend)
     scale = pencil.scale
@@ -369,7 +393,7 @@ class _Solver:
         return deflated
 
     def images(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """K x and M x, (dof, k) each; of the vectors asked for last they are kept, for many columns cost what a solve does."""
+        """K x and M x, (dof, k) each; kept for the last vectors, since for many columns they cost as much as a solve."""
         if self._images is None or self._images[0] is not vectors:
             self._images = vectors, np.asarray(self.pencil.stiffness @ vectors), self.pencil.apply_mass(vectors)
         return self._images[1:]
@@ -416,7 +440,7 @@ class _Solver:
         return (stiff / heavy)[order], self._taken(vectors, order)
 
     def between(self, low: float, high: float, below_low: int, below_high: int) -> tuple[FloatArray, FloatArray]:
-        """Every eigenpair in [low, high], by as many shifts as the number of pairs asks for."""
+        """Every eigenpair in [low, high], by as many shifts as the number of pairs needs."""
         expected = below_high - below_low
         if expected <= 0:
             return np.empty(0), np.empty((self.pencil.dof, 0))

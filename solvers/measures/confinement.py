@@ -208,7 +208,7 @@ def ratio_db(inside: Any, outside: Any) -> FloatArray:
 
 
 def share_error(share: float | None, level_error_db: float | None) -> float | None:
-    """Half-width of the error bar of a part's share of the squares, from that of its level; None if one is unknown.
+    """Error bar (half-width) of a part's share of the squares, from that of its level; None if one is unknown.
 
     Of areas given, share / (1 - share) goes with 10^(level/10), so that an error e of the level puts the share
     at share g / (1 - share + share g) with g = 10^(+-e/10): the farther of both counts.

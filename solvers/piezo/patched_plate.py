@@ -51,7 +51,7 @@ ALIKE = 0.5  # of a direction among the modes: less of it on the coarser mesh is
 
 @dataclass(frozen=True)
 class CoarserBond:
-    """Classes with the patches on a coarser mesh: K and M once they are asked for, loads (dof, patches) and their part by
+    """Classes with the patches on a coarser mesh: K and M on demand, loads (dof, patches) and their part by
     inertia, and the shares of the change from that mesh to the finer one that is left, and that is uncertain.
     """
 
@@ -64,9 +64,9 @@ class CoarserBond:
 @dataclass(frozen=True)
 class Group:
     """Symmetry classes solved together: the load of one volt on each patch, (dof, patches), scaled, and K and M as `join` makes
-    them, once they are asked for.
+    them, on demand.
 
-    Alike: by_modes, what the modes left out of the panels bring to the loads at rest; inertia, what goes with the eigenvalue,
+    Alike: by_modes, the effect of the panels' discarded modes on the loads at rest; inertia, what goes with the eigenvalue,
     at that one. yielding: energies (k,) of F under the forces of the patches in motions (dof, k); None without patches.
     coarser: the same classes on a coarser mesh of the patches; None where there is none.
     """
@@ -150,7 +150,7 @@ class PatchedPlate:
         self._pencils: dict[str, PlainPencil] = {}
         self._matrices = _PatchMatrices(len(classes) > 1)
         self.whole = some
-        # of bonded faces, mesh by mesh, as far as asked for
+        # of bonded faces, mesh by mesh, on demand
         self.motions: dict[str, dict[int, list[sp.csr_array]]] = {}
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
@@ -380,7 +380,7 @@ class PressedPlate:
 
 @dataclass(frozen=True)
 class BondErrors:
-    """Half-widths of the error bars due to the bond's mesh: of frequencies, relative, (k,); of gains, (k, patches).
+    """Error bars (half-widths) due to the bond's mesh: of frequencies, relative, (k,); of gains, (k, patches).
 
     NaN for a mode without a counterpart on the coarser mesh.
     """

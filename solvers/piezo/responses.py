@@ -306,7 +306,7 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
 
 
 def load_errors(basis: GroupModes) -> FloatArray:
-    """Errors of the loads' gains by the mesh of the bond and by the modes left out of the panels, (modes, patches); NaN where
+    """Errors of the loads' gains by the mesh of the bond and by the panels' discarded modes, (modes, patches); NaN where
     they are not known.
     """
     if basis.bond is None or basis.group.by_modes is None:

@@ -14,7 +14,7 @@ from solvers.errors import SolverError, check_above_zero
 # -- modal table -------------------------------------------------------------------------------------------------------
 # A structure as a table of modes: frequencies, losses, and each mode's actuator and sensor weights.
 # Modes are mass-normalised and e^{+i omega t} is understood: q_m = sum_a actuators[m, a] V_a/(omega_m^2 - omega^2 + i
-# omega omega_m/Q_m), signal_s = sum_m sensors[m, s] q_m, w(x_p) = sum_m field[m, p] q_m, plus what the modes left out
+# omega omega_m/Q_m), signal_s = sum_m sensors[m, s] q_m, w(x_p) = sum_m field[m, p] q_m, plus what the discarded modes
 # answer statically (the residuals).
 
 EXACT = 1e-12  # relative distance of squared frequencies below which an undamped mode is hit

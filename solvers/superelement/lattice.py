@@ -133,7 +133,7 @@ class ReducedLattice:
         return values[:whole], free[:, :whole]
 
     def _flexibility(self, wavevector: FloatArray, free: ComplexArray) -> ComplexArray:
-        """U^H D U of free degrees of freedom (dof, n), D the residual flexibility of the modes left out."""
+        """U^H D U of free degrees of freedom (dof, n), D the residual flexibility of the discarded modes."""
         count = self.cell.interface.count
         u = self._phases(wavevector)[:count, None] * free[self.column[:count]]
         return np.asarray(u.conj().T @ times(self.cell.dropped, u))

@@ -168,7 +168,7 @@ def _entries(matrix: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
 
 
 def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
-    """SolverError unless all cells share boundary functions, units and thickness, and each fills its panel."""
+    """Raise SolverError unless all cells share boundary functions, units and thickness, and each fills its panel."""
     first = next(iter(cells.values()))
     for key, cell in cells.items():
         same = cell.interface == first.interface and cell.scale == first.scale
@@ -265,7 +265,7 @@ class Grid:
 
     @cached_property
     def _mirrors(self) -> tuple[tuple[IntArray, FloatArray], ...]:
-        """Both mirrors, which every symmetry class asks for."""
+        """Both mirrors, which every symmetry class needs."""
         return self._mirror(0), self._mirror(1)
 
     def _mirror(self, axis: int) -> tuple[IntArray, FloatArray]:

@@ -59,7 +59,7 @@ def reduce_cell(
 
 
 def _enough_nodes(system: System, interface: Interface) -> None:
-    """SolverError when the mesh has fewer nodes through the plate than the boundary functions need."""
+    """Raise SolverError if the mesh has fewer nodes through the plate than the boundary functions need."""
     mesh = system.mesh
     side = mesh.nodes[mesh.nodes_of("x+")]
     through = len(np.unique(np.round(side[:, 2], 9)))
@@ -268,7 +268,7 @@ class CellBuilder:
         )
 
     def _dropped(self, parts: list[SymmetryClass], places: list[FloatArray]) -> FloatArray:
-        """Cell.dropped, (boundary, boundary): what the modes left out of all symmetry classes answer together."""
+        """Cell.dropped, (boundary, boundary): the discarded modes of all symmetry classes together."""
         own = self.interface.count
         out = np.zeros((own, own))
         for part, place in zip(parts, places, strict=True):
@@ -372,7 +372,7 @@ def _left_out(pencil: PlainPencil, kept: FloatArray, pushed: FloatArray, factor:
     """R' K_II^-1 R, R the part of the loads M Psi (free, m) that no mode kept (free, k) answers to, (m, m).
 
     Loads and answers are projected, R = (1 - M Phi Phi') M Psi: the lowest mode of a slender rod is 1e8 times as flexible as
-    all modes left out together, and a difference of the two would be rounding.
+    all discarded modes together, and a difference of the two would be rounding.
     """
     heavy = pencil.apply_mass(kept)
     rest = pushed - heavy @ (kept.T @ pushed)

@@ -393,7 +393,7 @@ def highest_hz(beam: FreeBeam, layout: Layout, damper_n_s_m: float) -> float:
 def delay_margin_s(loci: Loci, damper_n_s_m: float) -> float:
     """Largest pure delay that the loop bears, s; inf without a crossing.
 
-    The least phase above -pi over omega where |c lambda| = 1. A loop that still exceeds 1 at the grid's end is refused.
+    The least phase above -pi over omega where |c lambda| = 1. A loop that still exceeds 1 at the grid's end is rejected.
     """
     size = damper_n_s_m * np.abs(loci.values)
     if np.any(size[-1] > 1.0):

@@ -134,7 +134,7 @@ class DqData:
     """The controlled mode and its controller. The thesis states no identified values; ours follow its prototype: 31 kHz.
 
     target, neighbours: velocity response of each mode, signal over drive in full scales; for sensor "displacement" their
-    gains are turned by -j. within_s: asked 95 % response. share: of G Vmax, the step asked for. delay_s: dead time beyond
+    gains are turned by -j. within_s: asked 95 % response. share: of G Vmax, the requested step. delay_s: dead time beyond
     the hold; delay_guess_s: what is known of delay and hold before identification; noise: rms of a sample.
     """
 

@@ -188,7 +188,7 @@ def _table(
 
 
 def check_beam(beam: PatchedBeam) -> None:
-    """SolverError for sizes that are not above 0, patches that overlap or overhang, unknown or loose ends."""
+    """Raise SolverError for sizes that are not above 0, patches that overlap or overhang, unknown or loose ends."""
     for name, value in vars(beam).items():
         if name.endswith("_m") and name != "centres_m":
             check_above_zero(f"beam: {name}", value)

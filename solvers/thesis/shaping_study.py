@@ -73,7 +73,7 @@ SCANNED = 221  # frequencies of the conditioning scan
 
 @dataclass(frozen=True)
 class Confinement:
-    """A region asked for at its two sensors and zero at the others: ratios of the whole field, and what it takes.
+    """A target of one region at its two sensors and zero at the others: ratios of the whole field, and what it takes.
 
     volts_per_um: largest voltage for 1 um asked; beyond_to_inside: largest voltage of the actuators outside the region over
     those inside; limited_*: the same 1 um with the voltage limit kept. best_*: the largest contrast of any voltages.
@@ -201,7 +201,7 @@ def polar(values: ComplexArray | complex) -> dict[str, Any]:
 def sweep(
     model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """TWR by amplitudes and by the two-wave fit, (n,) each, for waves of n lengths asked for at the sensors."""
+    """TWR by amplitudes and by the two-wave fit, (n,) each, for waves of n lengths requested at the sensors."""
     k = 2.0 * pi / model.free_wavelength_m(frequency_hz)
     inside = inner_window(model.line_m, *travel_window(model, frequency_hz))
     x, field, matrix = model.line_m[inside], model.field(frequency_hz)[inside], model.matrix(frequency_hz, signal)
@@ -320,7 +320,7 @@ def bare_modes_hz(beam: PatchedBeam, count: int) -> FloatArray:
 
 def choices(data: ShapingData, frequency_hz: float) -> tuple[dict[str, Any], ...]:
     """Effect of pitches of 1/6, 1/6.5 and 1/7 of the length and Q of 20, 50 and 200 on the long beam: conditioning of T by
-    signal, and the largest TWR of waves asked for in displacement.
+    signal, and the largest TWR of waves requested in displacement.
     """
     length, wavelengths, out = data.beam.length_m, np.linspace(*data.wavelengths_m), []
     for pitch, quality_factor in product((length / share for share in (6.0, 6.5, 7.0)), (20.0, 50.0, 200.0)):

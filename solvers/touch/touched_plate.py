@@ -188,8 +188,8 @@ class TouchedPlate(ForcedPlate):
 
     missing: flexibility under the contact in addition to that of modes and residual vectors, (moments, moments) in m/N.
 
-    beyond: Ritz modes of the residual vectors, eigenvalues and gains a group, with slopes or without: as soon as asked for, and
-    the same on plates within the bars.
+    beyond: Ritz modes of the residual vectors, eigenvalues and gains per group, with slopes or without: computed on demand, and
+    the same on plates within the error bars.
     """
 
     missing: FloatArray | None = None

@@ -263,7 +263,7 @@ def _orthonormal(gram: FloatArray, eigenvalue: FloatArray) -> FloatArray:
 
 @dataclass
 class VariedReductions(Reductions):
-    """reach_m: how far a pillar's height, side, x and y may go from nominal; `families` fills as panels are asked for."""
+    """reach_m: how far a pillar's height, side, x and y may go from nominal; `families` fills as panels are needed."""
 
     reach_m: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     parametric_cache: Cache[CellFamily] | None = None

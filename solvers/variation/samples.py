@@ -58,7 +58,7 @@ class PlateSpace:
     def within(self, band_hz: tuple[float, float]) -> FloatArray:
         """The space that modes between two frequencies and the static answers alone would span, (n, m) in this one.
 
-        Answers hold what the modes left out bring at rest, as they would if those had never been solved.
+        Answers hold the discarded modes' part at rest, as they would if those had never been solved.
         """
         parts = []
         for basis, static in zip(self.bases, self._static, strict=True):

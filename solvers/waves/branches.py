@@ -27,13 +27,13 @@ from solvers.superelement.lattice import Periodic, ReducedLattice, Waves, degene
 CLEAR = 0.5  # modal overlap from which a wave is followed without looking closer
 LOST = 0.1  # below it a wave is another one
 DEEPEST = 4  # halvings of a step
-EXTRA = 4  # waves followed above those asked for, so that a branch may come down
+EXTRA = 4  # waves followed above the requested ones, so that a branch may come down
 PARTNERS = 2  # waves solved above these, so that none is followed without its degenerate partner
 TIED = 0.01  # of modal overlap: waves as alike as that are equally alike, and go on in their order
 
 
 class Solved:
-    """The waves of a lattice, each wavevector solved once: `count` asked for, some above and their degenerate partners."""
+    """The waves of a lattice, each wavevector solved once: `count` requested, some above and their degenerate partners."""
 
     def __init__(self, lattice: ReducedLattice, count: int) -> None:
         self.lattice, self.count = lattice, min(count, lattice.dof)

@@ -45,7 +45,7 @@ def ran(
     check: bool = True,
     environment: dict[str, str] | None = None,
 ) -> Ended:
-    """Run Python with these arguments in the checkout at `root`, with an empty results folder unless the environment names another.
+    """Run Python with these arguments in the checkout at `root`, with an empty results folder by default.
 
     RuntimeError with its last words where it fails, unless not to be checked.
     """
