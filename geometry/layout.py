@@ -73,7 +73,7 @@ class Pillar:
 
     @property
     def form(self) -> PillarShape:
-        """The shape with its sizes: what everything that depends on it asks. GeometryError for an unknown name."""
+        """The shape with its sizes. Raises GeometryError for an unknown name."""
         return shape_of(self.shape, self.base_m, self.tip_m, self.more_m, self.file)
 
     @property
@@ -130,7 +130,7 @@ class Pillar:
 
     @property
     def is_square_prism(self) -> bool:
-        """True when the pillar is a single box on a square foot: what varies from pillar to pillar, and what was calibrated."""
+        """True when the pillar is a single box on a square foot: only such pillars can be varied, or were calibrated."""
         return self.form.is_square_prism and self.fillet_m == 0.0 and self.tip is None
 
     @property
@@ -404,7 +404,7 @@ class Patches:
     """The bonded patches. Lengths in m; centres from the plate's centre; lengths_m along x, one per patch.
 
     at = "antinodes": numbered along x over the N + 1 antinodes of the shape with N nodal lines, free ends included; the
-    two end patches are cut to what is left beyond their neighbours. sensors: the numbers of the sensor patches.
+    two end patches are cut to the space beyond their neighbours. sensors: the numbers of the sensor patches.
     """
 
     material: PiezoMaterial

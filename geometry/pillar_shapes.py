@@ -73,7 +73,7 @@ class PillarShape:
 
     @classmethod
     def size_violations(cls, given: Mapping[str, float]) -> Iterator[tuple[str, str]]:
-        """Sizes in mm (those that are known, fillet_mm too) that do not go together: the key at fault and what is allowed."""
+        """Incompatible sizes among the known ones in mm (fillet_mm too): the key at fault and its limit."""
         yield from ()
 
     def size_m(self, name: str) -> float:

@@ -44,7 +44,7 @@ def check_above_zero(what: str, *values: float) -> None:
             raise SolverError(f"{what} = {value:g}: must be a finite number above 0")
 
 
-UNBOUNDED = 1e9  # an answer this many times what it is far from a resonance is one met to nine digits
+UNBOUNDED = 1e9  # an answer this many times its size far from a resonance means a resonance hit to nine digits
 RESONANT = "the frequency is that of a lossless resonance: add a loss or move the frequency"
 
 

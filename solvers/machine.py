@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 
 LIMIT = "ANTINODE_THREADS"
-MEMORY_SHARE = 0.8  # of what is available: the rest is vectors and the matrices themselves
+MEMORY_SHARE = 0.8  # of the available memory: the rest is for vectors and the matrices themselves
 GROUPS = Path("/sys/fs/cgroup")
 
 GROUP_FILES = (  # limit and use in a control group's folder, versions 2 and 1
@@ -31,7 +31,7 @@ def workers() -> int:
 
 
 def available_bytes() -> float:
-    """Bytes that this process may still take: what the machine, its control groups and its own limits leave.
+    """Bytes that this process may still allocate within the machine, its control groups and its own limits.
 
     The variable ANTINODE_MEMORY_GIB states it instead.
     """
@@ -45,7 +45,7 @@ def available_bytes() -> float:
 
 
 def room_bytes() -> float:
-    """Bytes a factorisation may take: a share of what is left."""
+    """Bytes that a factorisation may take: a share of the available ones."""
     return MEMORY_SHARE * available_bytes()
 
 

@@ -24,7 +24,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 HEARD_S = 0.2  # longest wait before an interruption takes effect, whichever thread the signal reached
 # How long a task in Python lets another wait that comes back from compiled code: the interpreter's own 5 ms, at each of
-# hundreds of returns, cost two symmetry classes side by side a fifth of what they save.
+# hundreds of returns, cost two parallel symmetry classes a fifth of their gain.
 WAIT_S = 5e-4
 # Of glibc's malloc.h. All threads share one heap: arrays are few and large, and an arena of each thread's own keeps what it
 # once held. A solve makes and drops arrays of some megabytes by the hundred: given back to the system each time, their pages

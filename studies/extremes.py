@@ -300,7 +300,7 @@ def million(shape: str) -> Result:
     return {**result(pencil, modes, exact), "dof": pencil.dof}
 
 
-# the function of a scene, what it is about, its parameter and the values that are solved
+# the function of a scene, its subject, its parameter and the values that are solved
 SCENES: dict[str, tuple[Callable[..., Result], str, str, tuple[float, ...]]] = {
     "thin": (
         *(thin, "Thickness to length, supported plate (exact in three dimensions)"),

@@ -57,7 +57,7 @@ class _Axis:
 class BondedSolid:
     """K (N/m) and M (kg), (3n, 3n), at constant voltage; the load of a volt (3n,) in N; the patch's clamped capacitance in F;
     where the nodes lie, (n, 3), in nm; and the matrix (3n, 3 plate nodes) from the plate's own degrees of freedom. bending:
-    what the potential between the electrodes adds to K is N D^-1 N'; its factors N (3n, p) and D (p, p).
+    the potential between the electrodes adds N D^-1 N' to K; its factors N (3n, p) and D (p, p).
     """
 
     stiffness: sp.csr_array
@@ -87,7 +87,7 @@ class BondedPlate:
 @dataclass(frozen=True)
 class SolidModes:
     """Modes of a quarter that the patch drives, ascending, rigid ones left out: frequencies in Hz and heights of their peaks,
-    (k,) each, and what the last layer changed of both, relative.
+    (k,) each, and the relative change of both by the last layer.
     """
 
     frequency_hz: FloatArray

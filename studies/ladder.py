@@ -1,4 +1,4 @@
-"""The parts of the reference design by every model and mesh of the ladder: what each gives, in hertz."""
+"""Results in hertz of every model and mesh of the ladder for the parts of the reference design."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ def _classes_of_quantities() -> dict[str, tuple[str, str, int]]:
 
 
 def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:
-    """One row and 5 mm: the target mode, how well it is confined (dB), and what an error may change of that, dB over
+    """One row and 5 mm: the target mode, its confinement (dB), and the sensitivity of that to an error, dB over
     the error.
     """
     d, symmetry = plate_design(), target_symmetry(design().nodal_lines)

@@ -83,7 +83,7 @@ MARK = "<!-- From here on written by `make licences`. -->\n"
 
 @dataclass(frozen=True)
 class Package:
-    """An installed package: its name, version, what it declares, and what beyond that was found in its files."""
+    """An installed package: its name, version, declared terms, and further terms found in its files."""
 
     name: str
     version: str

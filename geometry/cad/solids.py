@@ -40,7 +40,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Body:
-    """A CAD shape in mm and what a mesher must know about it, in m.
+    """A CAD shape in mm with the data for a mesher, in m.
 
     Plate from 0 to z = `thickness_m`, pillars above, or on both sides; the isolated pillar has thickness 0. `bonds` names the
     parts ("pillar", "tip") of another material: `shape` is one cadquery solid without any, else solids that share their

@@ -2,7 +2,7 @@
 
 Keywords and parameters are read in any case. A line that begins with two asterisks is a comment wherever it stands. A set that
 is given again is added to. Sets may name other sets, files may include files, parts may have instances, moved and turned.
-What would change the modes and is not read (constraints, springs, masses, transformed coordinates) is named.
+Content that would change the modes but is not read (constraints, springs, masses, transformed coordinates) is reported.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def read_inp(file: Path) -> RawMesh:
     Raises
     ------
     MeshFileError
-        For what the format does not allow, and for what is not read: generated nodes, other elements, coordinate systems.
+        For invalid content, and for content that is not read: generated nodes, other elements, coordinate systems.
     """
     reading = _Reading()
     for keyword in _keywords(file, [0], ()):
@@ -155,7 +155,7 @@ def _lines(file: Path, size: list[int]) -> Iterator[tuple[str, str]]:
     require_file(file)
     size[0] += file.stat().st_size
     if size[0] > MAX_BYTES:
-        raise MeshFileError(f"{file}: more than {MAX_BYTES} bytes with what it includes")
+        raise MeshFileError(f"{file}: more than {MAX_BYTES} bytes with its included files")
     yield str(file), "*"
     head = ""
     with file.open(encoding="utf-8", errors="replace") as lines:

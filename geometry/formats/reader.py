@@ -34,7 +34,7 @@ from geometry.mesh import AnyMesh, Mesh, MixedMesh, check_mesh
 UNITS = {"m": 1.0, "mm": 1e-3}
 SUFFIXES = (".med", ".msh", ".inp")
 SURFACES = (".stl", ".obj", ".ply")
-OWN = ("plate", "pillar", "tip")  # groups with a material of their own; what is in none of them is plate
+OWN = ("plate", "pillar", "tip")  # groups with a material of their own; all other cells are plate
 KINDS = {cell_type: key for key, cell_type in VOLUME.items()}
 READABLE = (*KINDS, *FULL)
 # the four corners whose edges from the first span an element

@@ -335,7 +335,7 @@ class Block:
     sign: int = 1
 
     def total(self, along: Callable[[int], int]) -> int:
-        """A figure that is a product over the axes, less what the feet share with what they stand on."""
+        """A count that is a product over the axes, less the part that feet share with the bodies below."""
         return self.sign * sum(map(along, self.x)) * sum(map(along, self.y)) * (along(self.z) - self.stands)
 
 

@@ -1,6 +1,6 @@
 """Quadratic tetrahedra of a CAD body: surface -> pytetwild -> snapped onto the CAD faces -> checked, or rejected.
 
-pytetwild is not deterministic: a mesh is known by its sha256, not by what it was made from.
+pytetwild is not deterministic: a mesh is identified by its sha256, not by its inputs.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 # -- nested meshes -----------------------------------------------------------------------------------------------------
 # The error of a mesh, estimated from two coarser ones nested in it: one without the innermost layer, one of an order less.
-# Where displacements go as r^a at an edge, the finer mesh still errs by a share of what the innermost layer brought
+# Where displacements go as r^a at an edge, the finer mesh still errs by a share of the innermost layer's change
 # that follows from a, the order and the layers (babuska1981); away from the edge the last order brought more than any
 # further one will, but for motions of a parity to which it brought nothing: lower modes of the class show what those
 # hide. A body meshed whole needs no search for coarser modes. One inverse iteration about an s amid the modes u of the
@@ -43,9 +43,9 @@ if TYPE_CHECKING:
 # eigenvalues to second order in what is left, paired with the modes by their overlap (boffi2010).
 
 BELOW, APART = 0.97, 0.01  # a shift: of the lowest eigenvalue, and how far from any, relative
-# of what the last order brought away from the edge: more than further ones bring there
+# of the last order's change away from the edge: more than further orders change there
 SMOOTH, CLAMPED_SMOOTH = 0.035, 0.02
-# of what the last order brings at the edge: so much of it may be none of the edge's, and cancel what is not
+# of the last order's change at the edge: this part may come from elsewhere and cancel the edge's
 EDGE_UNCERTAINTY = 0.5
 # of the share at a clamped face next to elements longer than it is thick: the layer brings the smooth boundary layer, too.
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
@@ -54,14 +54,14 @@ ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of
 # of the own error of the elements next to the innermost one, of motion in the plane across an edge and along it: as
 # finite elements about wedges show (tests/solvers/accuracy/test_rim_by_elements.py)
 OUTER_ACROSS, OUTER_ALONG = 0.65, 0.35
-# of the layer's change what moves in the plane across a rim: 74 cells of `python -m studies.error_bars` and of seeds 7 and 8
-# err least with 0.65 to 0.85, and round pillars that twist have next to none of it
+# part of the layer's change due to motion in the plane across a rim: 74 cells of `python -m studies.error_bars` and of seeds
+# 7 and 8 err least with 0.65 to 0.85, and round pillars that twist have next to none of it
 ACROSS = 0.7
 # half-ranges between both that a share is uncertain by, by order: the higher it is, the more the weaker singularities differ
 RANGES = {3: 0.15, 4: 1.1}
 # of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
 UNRESOLVED = 0.5
-# of what the last order changes in a plate thinner than its elements are long: the rest is that order two locks in bending
+# of the last order's change in a plate thinner than its elements are long: the rest is that order two locks in bending
 UNLOCKED = 0.5
 LAYER = 2.106  # decay of the slowest layer in the plane along a free edge, by half a thickness: sin 2x + 2x = 0 (horgan1983)
 DEGREES = 12  # of a layer's degrees beyond the order, whose energies fall faster than a geometric series
@@ -77,8 +77,8 @@ class ErrorFractions:
     correction: fraction of the layer's change that remains; uncertainty: of that fraction; edge: change by the order over that
     by the layer.
 
-    doubt: of the share of what the layer brings beyond what the order's change lets the edge have; order: of the mesh, 0 where
-    no order less was meshed; waves: of the order's change away from the edge what is of short waves.
+    doubt: uncertain fraction of the layer's change beyond the edge's part in the order's change; order: of the mesh, 0 if no
+    order less was meshed; waves: fraction of the order's change away from the edge that is due to short waves.
     """
 
     correction: float = 0.0
@@ -272,8 +272,8 @@ def regular_share(order: int) -> float:
 class LowerOrders:
     """Error estimate of a body without singular edges from meshes of one and of two orders less.
 
-    Waves inside, edges and their layers, which end within the body's smallest dimension d, leave a share of what the last
-    order brought: waves by their length, edges by the order's own rate, layers by the length of an element over d. Across d a
+    Waves inside, edges and their layers, which end within the body's smallest dimension d, leave a share of the last
+    order's change: waves by their length, edges by the order's own rate, layers by the length of an element over d. Across d a
     single element has odd and even motions: the last order serves one kind only, the last two both.
     along, across: longest element in the plane and across d, over d.
     """
@@ -458,6 +458,6 @@ def _integrals(mesh: Mesh, cells: IntArray, length_m: float) -> tuple[FloatArray
 
 
 def _summed(values: FloatArray, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sp.csr_array:
-    """Element matrices (e, a, b) summed over what they share."""
+    """Element matrices (e, a, b) assembled over shared nodes."""
     across, down = np.broadcast_arrays(columns[:, None, :], rows[:, :, None])
     return sp.csr_array(sp.coo_array((values.ravel(), (down.ravel(), across.ravel())), shape=shape))

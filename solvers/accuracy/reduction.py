@@ -22,8 +22,8 @@ N_reduced <= N <= N of the pencil with that bound taken from its stiffness.
 The discarded fixed-interface modes act through their residual flexibility, with bounds (`Waves.by_modes`). Without the
 boundary functions D a wave u of the eigenvalue l rises by at most u_D^H S u_D, S the Schur complement of K + s M on D: the
 other functions come to rest, s M holds rigid motion. By Cholesky's factor L of the functions in the order of their degree it
-parts into |L^H u|^2, degree by degree. The degree's error falls exponentially: what the last degree along the sides brought
-bounds what the next ones would, and by how much every second degree brought less, since a wave may need even or odd ones alone,
+parts into |L^H u|^2, degree by degree. The degree's error falls exponentially: the change by the last degree along the sides
+bounds that by the next ones. The ratio of every second degree's changes, since a wave may need even or odd ones alone,
 estimates how far they stay below it.
 """
 
@@ -57,14 +57,14 @@ NULL_TOLERANCE = 1e-10  # of the mean stiffness or mass of a function: rounding
 NestedBuilder = Nested[CellBuilder]
 ALIKE = 0.5  # singular value of the modal overlap from which a direction has its partner on the coarser mesh
 
-# of the half-width at rims, and of what the last order brought away from them: a plate's modes move its cells more alike than
+# of the half-width at rims, and of the last order's change away from them: a plate's modes move its cells more alike than
 # ten bands of a lattice do, and bend its bare panels in shorter waves. Of ten plates of seed 7 of `python -m
 # studies.error_bars` 99 of 100 modes lie within
 AT_RIMS, AWAY = 0.5, 0.06
 
 MARGIN = 2.0  # single modes may lie somewhat above the estimate by truncation, the worst of a class never did
 
-# of the rise without the last degree through the thickness what further ones bring to a plate thin for its waves: its free
+# part of the rise without the last degree through the thickness that further ones cause in a plate thin for its waves: its free
 # edges' boundary layers, sin(pi z / t) at their slowest, leave these up to 0.04
 EDGE_LAYER = 0.03
 
@@ -82,7 +82,7 @@ TIMES_ROUNDING = (
     1e3  # times the eigenvalue that is rounding: what at least holds rigid motion where degrees are compared
 )
 
-# of what the degree before the last brought: the next one of its parity brought a quarter to a third of it, and a wave that is
+# of the change by the degree before the last: the next one of its parity brought a quarter to a third of it, and a wave that is
 # even or odd along the sides hides one of both
 OTHER_PARITY = 0.5
 
@@ -155,7 +155,7 @@ def extrapolated(
     shares: ErrorFractions,
     top_hz: float,
 ) -> Cell:
-    """The cell of the finer mesh less the share of what the mesh without its innermost layer adds to K_r and M_r.
+    """The cell of the finer mesh less a fraction of the change of K_r and M_r on the mesh without its innermost layer.
 
     lower: the mesh of one order less; layer: the mesh without the layer, None where nothing is singular. The correction
     is limited so that K and M stay positive; the rest counts as uncertain.
@@ -333,7 +333,7 @@ def in_order(waves: Waves, rises: FloatArray) -> FloatArray:
 def further_degrees(parts: Sequence[FloatArray]) -> float:
     """Possible change by further degrees along the sides, over that by the last degree: at most 1.
 
-    parts: of each wavevector what the degrees brought its waves, (degrees, n).
+    parts: for each wavevector the changes of its waves by the degrees, (degrees, n).
 
     Parts R_n of a degree n fall as q^(n/2) with the largest q = R_n / R_(n-2) seen: the next two bring (R_n + R_(n-1)) q.
     A degree below 5 shows no q of even and of odd ones.

@@ -355,7 +355,7 @@ def _end_matrix(kappa: float, left: str, right: str) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _first_roots(left: str, right: str, count: int) -> tuple[float, ...]:
-    """Bracketed roots; beyond BRACKETED those of trigonometry alone, quarters of pi: what is left out is below exp(-50)."""
+    """Bracketed roots; beyond BRACKETED those of trigonometry alone, quarters of pi: the neglected part is below exp(-50)."""
     bracketed = min(count, BRACKETED)
     grid = np.arange(LOWEST, (bracketed + 2) * pi, STEP)
     found = roots_along(lambda kappa: float(np.linalg.det(_end_matrix(kappa, left, right))), grid, 1e-13)

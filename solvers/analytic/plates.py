@@ -386,7 +386,7 @@ def _s(square: float, b: float) -> float:
 
 
 def _thin_a0_hz(wavenumber_per_m: float, thickness_m: float, material: Material) -> float:
-    """A0 of a thin plate, where the two terms of its equation all but cancel: what is left of them, by fixed point.
+    """A0 of a thin plate, where the two terms of its equation almost cancel: their difference, by fixed point.
 
     Over b, with K = (kb)^2, W = (w b/c_t)^2, X = (pb)^2, Y = (qb)^2 and m = 1 - (c_t/c_l)^2 the equation is
     W sin(pb)/(pb) cos(qb) = 4 K (K - W) m h, h = [sin(qb)/(qb) cos(pb) - sin(pb)/(pb) cos(qb)]/(Y - X), 1/3 for thin plates.

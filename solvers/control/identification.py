@@ -53,9 +53,9 @@ class Circle:
 
 @dataclass(frozen=True)
 class Identified:
-    """The mode as seen through the drive and the sensor: its gain's phase is what the delay does not explain.
+    """The mode as seen through the drive and the sensor: its gain's phase is the part that the delay does not explain.
 
-    background: what is left far from resonance; circle: of the response with the delay taken out. frequency_error,
+    background: the rest far from resonance; circle: of the response with the delay taken out. frequency_error,
     quality_error: relative error bars (half-widths) due to the scatter of the points, None for too few.
     """
 
@@ -222,10 +222,10 @@ MIN_COUNT = 8
 
 @dataclass(frozen=True)
 class Resonance:
-    """A sweep's highest point and what is identified about it.
+    """A sweep's highest point and the mode identified around it.
 
     frequency_hz, quality_factor: the circle's, or the highest point and the half-power width where there is no circle
-    (`trouble` says why); low_hz, high_hz: what the circle was fitted to.
+    (`trouble` says why); low_hz, high_hz: range of the circle fit.
     """
 
     peak_hz: float
@@ -250,7 +250,7 @@ def resonance(sweep: Sweep, sensor: Sensor) -> Resonance:
         identified = identify(part, sensor)
         tone = identified.plant.frequency_hz
         if not part.frequencies_hz[0] <= tone <= part.frequencies_hz[-1]:
-            raise SolverError(f"the circle's frequency {tone:.1f} Hz lies outside what was fitted")
+            raise SolverError(f"the circle's frequency {tone:.1f} Hz lies outside the fitted range")
     except SolverError as fault:
         identified, trouble = None, str(fault)
     peak_hz = float(sweep.frequencies_hz[peak])
@@ -261,7 +261,7 @@ def resonance(sweep: Sweep, sensor: Sensor) -> Resonance:
 
 
 def _about(amplitude: FloatArray, peak: int) -> tuple[int, int]:
-    """The unbroken range about the peak above the floor, widened evenly to what a fit needs."""
+    """The unbroken range about the peak above the floor, widened evenly to the points that a fit needs."""
     above = amplitude >= FLOOR * amplitude[peak]
     low = peak - int(np.argmin(above[peak::-1])) + 1 if not above[: peak + 1].all() else 0
     high = peak + int(np.argmin(above[peak:])) if not above[peak:].all() else len(amplitude)

@@ -144,8 +144,8 @@ def feasibility(
 ) -> Feasibility:
     """Drive for U = r (1 - e^{-t/tau_d}): |V| = |tau U' + (1 + j tau d) U|/G, largest at one of its ends.
 
-    At full drive |U| can rise as G V (1 - e^{-t/tau}) whatever the detuning, for the drive may turn with the mode; 95 % then
-    take -tau ln(1 - 0.95 r/(G V)). SolverError unless reference, tau_d and limit are above 0.
+    At full drive |U| can rise as G V (1 - e^{-t/tau}) whatever the detuning, because the drive may turn with the mode.
+    95 % then take -tau ln(1 - 0.95 r/(G V)). SolverError unless reference, tau_d and limit are above 0.
     """
     check_above_zero("reference, response, drive limit", reference, response_s, drive_limit)
     size = abs(plant.gain)
@@ -206,7 +206,7 @@ class Setup:
 
     modes: the plate's, velocity response from drive to signal (complex gains allowed); the first is controlled.
     known: the controller's copy, None for the truth; detuning_hz: of the drive from the known frequency. delay_s: dead time
-    beyond the hold; known_delay_s: what the controller makes good of it and of the hold's half sample, None for all.
+    beyond the hold; known_delay_s: the part of it and of the hold's half sample that the controller compensates, None: all.
     """
 
     modes: tuple[ModePlant, ...]
@@ -240,7 +240,7 @@ class Setup:
 
     @property
     def gains(self) -> SampledPi:
-        """K_p and its integral, bounded by what the strongest neighbour allows."""
+        """K_p and its integral, bounded by the strongest neighbour."""
         others = [abs(mode.gain) for mode in self.modes[1:]]
         bound = NEIGHBOUR_LOOP / max(others) if others else inf
         return sampled_gains(self.model, self.response_s, self.rates.period_s, bound)

@@ -21,7 +21,7 @@ from solvers.piezo.responses import frequency_errors, load_errors
 # * the frequency of each mode, within its bar: at its ends, where the resonance comes nearest to the tone, and half-way there;
 # * the stiffness that couples the mode nearest to a frequency with each other one of its group, as `error_bars` has it;
 # * the load of each mode: the errors of its patches have one origin and add up by size;
-# * the load of each driver, and of all of them, on all modes; what lies beyond the modes, as much as the least known mode.
+# * the load of each driver, and of all of them, on all modes; the part beyond the modes, as uncertain as the least known mode.
 
 Change = Callable[[Any], ComplexArray]  # of Forms, or of Motions at as many frequencies
 SIGNS = np.array([-1.0, 1.0])
@@ -34,8 +34,8 @@ class Doubts:
     """Uncertainties of a plate's n modes: eigenvalues value (n,), their lowest and highest change (n, 2), relative
     errors of the frequencies (n,); errors of the drivers' loads (n, d), and of all of those of a driver, relative, (d,).
 
-    group (n,): number of each mode's group; share: of the bound on mixing that is expected; beyond: error of what lies beyond
-    the modes, relative.
+    group (n,): number of each mode's group; share: of the bound on mixing that is expected; beyond: relative error of the part
+    beyond the modes.
     """
 
     value: FloatArray
@@ -133,7 +133,7 @@ def _coupling(known: Doubts, mode: IntArray) -> FloatArray:
 
 
 def _turned(forms: Forms | Motions, volts: ComplexArray) -> ComplexArray:
-    """Phases (t, n, d) with which errors of the drivers' loads on a mode add up, and to what moves it."""
+    """Phases (t, n, d) with which errors of the drivers' loads on a mode add up, and the motion that moves it."""
     flexible = forms.flexible[..., None]
     moving, most = (forms.modal @ volts[..., None]) / flexible, np.abs(forms.modal) @ np.abs(volts)[..., None]
     fed = np.abs(volts).max(axis=-1, keepdims=True)
@@ -230,7 +230,7 @@ def in_parts(bars: Callable[[FloatArray], FloatArray], frequency_hz: FloatArray)
 # Motions of a driven plate at places where something presses on it, and those of plates like it, as `forms` gives their
 # squares.
 # Loads L are voltages of patches and forces at the points of a contact. R = G' f G + R0 gives charges and motions,
-# with gains G and flexibilities f of the modes, and R0 of what lies beyond them. Open patches carry no charge, and a
+# with gains G and flexibilities f of the modes, and R0 of the part beyond them. Open patches carry no charge, and a
 # contact of stiffness D bears the force -D u: S L_u = -R L_fed with S = R + diag(C, 1/D) of these loads. What a force
 # on a mode moves, and how it moves the modes, then is
 #
@@ -239,10 +239,10 @@ def in_parts(bars: Callable[[FloatArray], FloatArray], frequency_hz: FloatArray)
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """Outputs (t, m, d) of a plate at t places per drive, what of them no mode carries, and what a force on a mode gives.
+    """Outputs (t, m, d) of a plate at t places per drive, their part beyond the modes, and those of a force on a mode.
 
     answers, rest (t, m, d); moved (t, m, n); modal (t, n, d): motion of the modes; within (t, n, n): f_ij; flexible (1, n).
-    drivers, volts (t, d): the same of each driver, and what they are fed with where d = 1 stands for all together.
+    drivers, volts (t, d): those of each driver, and the drivers' voltages if d = 1 stands for all together.
     """
 
     lossy: complex
@@ -303,7 +303,7 @@ class Motions:
 class Contacts:
     """A plate seen from its patches and the points of a contact at t places, in SI.
 
-    beyond (t, l, l): what of the receptance no mode carries; gains (t, n, l) and scaled eigenvalues value (n,) of the modes;
+    beyond (t, l, l): part of the receptance beyond the modes; gains (t, n, l) and scaled eigenvalues value (n,) of the modes;
     unit: N/m of one of stiffness. capacitance_f (patches,); drivers, sensors: by number among the patches, the first loads.
     """
 
@@ -388,7 +388,7 @@ def peak_half_widths(
     ----------
     known : Doubts
     motions : callable
-        Of the plate at scaled eigenvalues, free and touched, say; the last one is what changes are made for.
+        Of the plate at scaled eigenvalues, free and touched, say; changes apply to the last one.
     eigenvalue : float
         Of the peak.
     volts : ndarray, shape (d,)

@@ -24,7 +24,7 @@ from solvers.piezo.responses import open_patches
 
 Plate = TypeVar("Plate", bound=ForcedPlate)
 Varied = TypeVar("Varied")  # a Variation, a Louder, or how a plate so changed is driven
-CACHED = ("all_modes", "_touched")  # what follows from modes and is computed again on demand
+CACHED = ("all_modes", "_touched")  # values derived from modes, computed again on demand
 
 
 def frequency_errors(forced: ForcedPlate) -> list[FloatArray]:
@@ -66,7 +66,7 @@ class Variation:
     own: float = 1.0
 
     def of(self, plate: Plate) -> Plate:
-        """A plate with these modes, free or under a finger; what is fed to it stays."""
+        """A plate with these modes, free or under a finger, with the same drive."""
         other = copy(plate)
         for name in CACHED:
             other.__dict__.pop(name, None)

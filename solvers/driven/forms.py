@@ -87,7 +87,7 @@ class Forms:
 
     grams (k, columns, columns): of the parts. places (n,): the modes' columns. answers (t, columns, d): X. flexible (t, n): of
     the modes alone. charged (t, columns, o), gains (n, o): answers to unit charges on the open patches, and their gains.
-    drivers, volts (t, drivers): the forms of each driver, and what they are fed with where d = 1 stands for all together.
+    drivers, volts (t, drivers): the forms of each driver, and the drivers' voltages if d = 1 stands for all together.
     """
 
     grams: FloatArray

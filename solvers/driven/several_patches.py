@@ -28,7 +28,7 @@ FLIPS = list(product((1.0, -1.0), repeat=2))  # of a panel in x, y >= 0 onto its
 # -- zones -------------------------------------------------------------------------------------------------------------
 # Several zones of one plate: the motion of every zone while one of them is driven.
 # Integrals of u_z^2 over one zone couple symmetry classes: in the quarter's points the motion at an image is the sum
-# of the classes, each with the signs of its mirrors, and a zone takes from every image what of it lies in the zone.
+# of the classes, each with the signs of its mirrors, and a zone takes from every image the part in the zone.
 
 
 @dataclass(frozen=True)
@@ -169,18 +169,18 @@ def peak_half_widths(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, k
 
 
 # -- power flow --------------------------------------------------------------------------------------------------------
-# Where the patches' power goes along a driven plate: what flows through a section x, and what is lost on the way.
+# Path of the patches' power along a driven plate: the flow through a section x, and the losses on the way.
 # Power in = Re(V* I)/2 patch by patch with I = j omega (theta' u + C V). Only the modes are damped, in proportion to
 # their strain: a panel loses omega/(2 Q) u' K u of their motion u, a patch on it likewise. Modes extrapolated from
 # two meshes of the patches store L = diag(eigenvalues), not the U' K U of the finer mesh: u = U S q with S' (U' K U)
-# S = L, so that what is lost everywhere is what the modes lose, omega/(2 Q) q' L q. The flow through a section is
-# what comes in left of it less what is lost there: it ends at 0 beyond the last patch.
+# S = L, so that the total loss is that of the modes, omega/(2 Q) q' L q. The flow through a section is
+# the input to the left of it less the losses there: it ends at 0 beyond the last patch.
 
 
 @dataclass(frozen=True)
 class PowerFlow:
-    """Means over a period, W: what each patch gives (patches,), negative where it takes; the flow towards +x (n,) through the
-    sections x_m (n,) that no patch straddles; what the plate and its patches lose.
+    """Means over a period, W: power from each patch (patches,), negative if it absorbs; the flow towards +x (n,) through the
+    sections x_m (n,) that no patch straddles; losses of the plate and its patches.
     """
 
     patches_w: FloatArray

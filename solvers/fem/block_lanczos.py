@@ -114,7 +114,7 @@ class _Basis:
         return np.asarray(part)
 
     def append(self, block: FloatArray) -> FloatArray:
-        """Orthonormalise a stripped block and take it in where there is room; what it is in the new vectors, (m, k)."""
+        """Orthonormalise a stripped block and append it if there is room; its coefficients in the new vectors, (m, k)."""
         block, coupling = np.linalg.qr(block)
         self.strip(block)  # the rounded rest of the basis is no longer small relative to a block of unit length
         weighted = self.mass(block)

@@ -86,7 +86,7 @@ def nodal(order: int, a_node: int = 3) -> Dofs:
 
 
 def panelled(vertex: int, side: int, inner: float) -> Dofs:
-    """Degrees of freedom of reduced panels in a plane: so many a vertex line, a side, and within each."""
+    """Degrees of freedom of reduced panels in a plane, from their numbers per vertex line, per side and within each panel."""
 
     def dofs(lines: list[int], gaps: list[int]) -> float:
         corners, sides = lines[0] * lines[1], lines[0] * gaps[1] + lines[1] * gaps[0]
@@ -109,7 +109,7 @@ ENTRY = 12  # bytes of a sparse matrix's entry: a number and a column
 STIFFNESS, MASS = 9 * ENTRY, 3 * ENTRY  # a pair of nodes, of K and of M with three components
 # bytes of an entry of the dissected factor: at the peak of the factorisation, and afterwards
 FACTOR = {"rslab": (30.0, 15.0), "superlu": (75.0, 60.0)}
-ANALYSIS, COPY = 60, 30  # bytes per entry of the matrix: the analysis, and what of it stays next to the factor
+ANALYSIS, COPY = 60, 30  # bytes per entry of the matrix: the analysis, and the part that stays next to the factor
 VECTORS = 8  # copies of the modes' vectors while they are verified
 DENSE_GAIN = 2.0  # how much faster than vectors' a front's operations run
 FACTORISATIONS = 4  # of one band: both ends, the shift, one more where it is halved

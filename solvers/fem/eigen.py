@@ -434,7 +434,7 @@ class _Solver:
         return self._quotients(vectors)
 
     def _quotients(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rayleigh quotients x'Kx / x'Mx and vectors, ascending: what a solve loses enters squared (parlett1998, chapter 4)."""
+        """Rayleigh quotients x'Kx / x'Mx and vectors, ascending: a solve's error enters squared (parlett1998, chapter 4)."""
         stiff, heavy = (np.einsum("ik,ik->k", vectors, image) for image in self.images(vectors))
         order = np.argsort(stiff / heavy, kind="stable")
         return (stiff / heavy)[order], self._taken(vectors, order)
@@ -446,7 +446,7 @@ class _Solver:
             return np.empty(0), np.empty((self.pencil.dof, 0))
         if expected > slice_of(self.pencil.dof):
             return self._halves(low, high, below_low, below_high)
-        # half-way in lambda: the pairs nearest to the shift are then those of the band, not of what lies below it
+        # half-way in lambda: the pairs nearest to the shift are then those of the band, not those below it
         shifts = self.factors(0.5 * (low + high), SEARCHED)
         if self.shared.static is not None and below_low == 0:
             shifts = chain([(self.shared.static, 0.0)], shifts)

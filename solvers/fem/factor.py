@@ -46,7 +46,9 @@ EPSILON = float(np.finfo(float).eps)  # normwise backward error at which a solut
 # eigenvalue the rounding of each sweep, another one each time, is what Lanczos would find.
 LOSSLESS = 4.0 * EPSILON
 
-REFINED = 1e-14  # backward error at which refinement may end: EPSILON times what a sum of some thousand products leaves
+REFINED = (
+    1e-14  # backward error at which refinement may end: EPSILON times the rounding of a sum of some thousand products
+)
 SWEEPS = 8  # of refinement at most: at CONTRACTION a sweep they would win eight digits
 CONTRACTION = 0.1  # of the defect by one sweep at most: below a half it proves the inertia, below this it serves
 PROBES = 3  # sweeps that measure the contraction: a power iteration from a random vector
@@ -58,7 +60,7 @@ FILLED = (
     10.0  # factor over matrix, bytes: beyond, it is not a plate, and nested dissection may fill less than minimum fill
 )
 ANALYSIS_BYTES = 60  # measured peak of the analysis an entry of the matrix
-COPY_BYTES = 30  # what of it is still in memory, an entry, while the factor is made; rslab's own plan leaves it out
+COPY_BYTES = 30  # bytes of it still in memory, per entry, while the factor is made; rslab's own plan leaves it out
 
 # How long rslab's allocator keeps free pages for the next factor, ms; it reads this when rslab is first imported.
 os.environ.setdefault("MIMALLOC_PURGE_DELAY", "1000")

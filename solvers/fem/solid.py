@@ -1,4 +1,4 @@
-"""A meshed body, held by clamps and mirrors: its pencil and modes by symmetry class, and what is measured on them."""
+"""A meshed body, held by clamps and mirrors: its pencil, its modes by symmetry class, and their measures."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def _surviving(nodes: FloatArray, free: BoolArray) -> int:
 
 
 # -- bodies ------------------------------------------------------------------------------------------------------------
-# A body meshed whole or as its quarter: modes of each symmetry class, and what is measured on them.
+# A body meshed whole or as its quarter: modes of each symmetry class, and their measures.
 
 CLASSES = ("SS", "SA", "AS", "AA")
 

@@ -17,7 +17,7 @@ from geometry.mesh import AnyMesh, Mesh
 COUNT = 6  # points each way: of a rectangle where u_z has degree 5, and its square 10
 EDGE = 1e-9  # of half a rectangle's depth: a line so near to its edge runs along it
 STEEP = 0.03  # least slope along the height over the greatest slope: below it the facet is quartered
-DEEPEST = 8  # quarterings: what is left then is 4^-8 of a facet, whose points are sorted as they lie
+DEEPEST = 8  # quarterings: the rest is then 4^-8 of a facet, whose points are sorted as they lie
 NEAR = 1e-9  # of the facet's extent across the lines: a line so near to a straight edge runs along it
 BULGE = 0.02  # of the same: how far a curved facet may reach beyond the places where it is sampled
 STRAIGHT = 1e-12  # relative deviation from an affine map

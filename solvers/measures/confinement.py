@@ -287,7 +287,7 @@ def confined(
     squares: Sequence[FloatArray], areas: Sequence[float], projection: FloatArray, per_mass: float
 ) -> Confinement:
     """From integrals of |u_z|^2 (k,) over zone, passive face and the plate beyond the last row, their areas, and the squares
-    (k,) of what the zone's motion has of the target shape; per_mass: mass per area over the modal mass.
+    (k,) of the zone's motion projected on the target shape; per_mass: mass per area over the modal mass.
     """
     (inside, passive, beyond), (zone, aside, outer) = squares, areas
     level, further = _level_db(inside, zone, passive, aside), _level_db(inside, zone, beyond, outer)

@@ -50,7 +50,7 @@ NONE = Verdict("none", None)
 
 
 def weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
-    """Strength times zone share, counted by what of a mode looks like the target shape, (k,); a plate without passive face has
+    """Strength times zone share, weighted by the mode's likeness to the target shape, (k,); a plate without passive face has
     all of its motion in the zone, unknown strengths and likenesses count 0.
     """
     share = np.where(np.isfinite(zone_share), zone_share, 1.0)
@@ -222,7 +222,7 @@ def leaves_room(missing: float, best: float) -> bool:
 
 
 def missing_strength(modes: Sequence[Measured]) -> float:
-    """1 less the strengths of the modes, at least 0: what all others of the class have together."""
+    """1 less the strengths of the modes, at least 0: the sum of all others of the class."""
     return max(0.0, 1.0 - float(np.nansum(measures(modes)[0])))
 
 

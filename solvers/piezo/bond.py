@@ -271,7 +271,7 @@ class JoinedPanels:
         return moved
 
     def flexibility(self, contact: Contact, felt: slice = slice(None)) -> FloatArray:
-        """E K^-1 E' of what a contact feels of its 3 b motions, by default of all, with the clamped sides held."""
+        """E K^-1 E' of the 3 b motions of a contact, by default all, with the clamped sides held."""
         free = self.free & (np.diag(self.stiffness) > 0.0)  # functions of free sides carry nothing
         moved = self.motion(contact)[felt][:, free]
         return np.asarray(moved @ cho_solve(cho_factor(self.stiffness[np.ix_(free, free)]), moved.T))

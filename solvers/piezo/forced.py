@@ -1,7 +1,7 @@
 """Forced response of a patched plate by modal superposition with a quasi-static residual.
 
 u(w) = sum_r phi_r phi_r' theta V / (lambda_r (1 + i/Q) - lambda) + [R + (lambda - lambda_0) R1] V, where R is
-(K - lambda_0 M)^-1 theta less the same modes at lambda_0 and R1 = (K - lambda_0 M)^-1 M R: what lies outside the band
+(K - lambda_0 M)^-1 theta less the same modes at lambda_0 and R1 = (K - lambda_0 M)^-1 M R: the part outside the band
 follows by two terms about its middle. Sensor patches are open, Q_s = 0; actuators hold their voltage (short) or their
 charge (open).
 """
@@ -36,7 +36,7 @@ COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
 class GroupModes:
     """Modes of a group with the loads' projections: columns [modes, R, R1], eigenvalues and gains (modes, patches).
 
-    bond: what the mesh beneath the patches leaves uncertain; None where no coarser mesh shows it. images: K and M times the
+    bond: uncertainty due to the mesh beneath the patches; None without a coarser mesh. images: K and M times the
     modes, (dof, modes) each.
     """
 
@@ -68,7 +68,7 @@ class GroupModes:
 
     @cached_property
     def projected(self) -> tuple[FloatArray, FloatArray]:
-        """K and M in the columns, (c, c) each: modes are orthogonal, so that only what the loads add is multiplied."""
+        """K and M in the columns, (c, c) each: modes are orthogonal, so that only the loads' part is multiplied."""
         own, pencil = len(self.eigenvalue), self.group.pencil
         more = self.columns[:, own:]
         parts = []

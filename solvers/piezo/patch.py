@@ -224,7 +224,7 @@ class _Place:
 
     @cached_property
     def fine_mesh(self) -> Mesh:
-        """Panels and pillars about their middle, graded towards the patch's edges; of a mirrored place what lies beyond 0."""
+        """Panels and pillars about their middle, graded towards the patch's edges; of a mirrored place the part beyond 0."""
         return hex_mesh(self._boxes(self.mirrors), self.patch.mesh.order)
 
     def _boxes(self, mirrors: tuple[int, ...]) -> Boxes:

@@ -4,7 +4,7 @@ u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patch
 each patch the plate has the additional flexibility F (solvers/piezo/patch.py). Patch and F are meshed twice: both
 plates are solved, and the difference of their modes shows the error of the finer mesh.
 
-At a patch's edges stresses are singular, so the finer mesh leaves a known share t of what the coarser one lacks relative
+At a patch's edges stresses are singular, so the finer mesh leaves a known share t of the coarser one's deficit relative
 to it (decision 7). That holds for eigenvalues and gains, in which the plate has yielded to either mesh, and not for stiffness
 matrices: motions as short as an element meet many times the stiffness on the coarser mesh, the more so the stiffer the
 ceramic is compared with its plate, and a share of that taken from K softens the plate by more than there is. Modes of
@@ -14,7 +14,7 @@ coordinates
     Lambda = A - t (A_c - A)+,    gains = g + t (g - g_c).
 
 A mesh nested in another one is no softer: of A_c - A only the positive part + is of the edges. Where the coarser mesh is the
-softer one, something else differs, and what a share of that would change is in the bar.
+softer one, something else differs, and a share of that change enters the error bar.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ class Group:
     """Symmetry classes solved together: the load of one volt on each patch, (dof, patches), scaled, and K and M as `join` makes
     them, on demand.
 
-    Alike: by_modes, the effect of the panels' discarded modes on the loads at rest; inertia, what goes with the eigenvalue,
-    at that one. yielding: energies (k,) of F under the forces of the patches in motions (dof, k); None without patches.
+    Parts of the load: by_modes, due to the panels' discarded modes at rest; inertia, proportional to the eigenvalue, at that
+    one. yielding: energies (k,) of F under the forces of the patches in motions (dof, k); None without patches.
     coarser: the same classes on a coarser mesh of the patches; None where there is none.
     """
 
@@ -184,7 +184,7 @@ class PatchedPlate:
         fine, coarse, by_modes, inertia, coarse_inertia = (np.zeros((dofs, len(self.bonds))) for _ in range(5))
         for number, bond in enumerate(self.bonds):
             if self._cannot_drive(plates, number):
-                continue  # what rounding leaves of its load would be a direction of its own in `variation.samples`
+                continue  # the rounded rest of its load would be a direction of its own in `variation.samples`
             part, motion = bond.finest, self.motion(plates, number)
             fine[:, number] = motion.T @ part.load
             inertia[:, number] = motion.T @ part.inertia
@@ -342,7 +342,7 @@ class _Part:
 
 @dataclass(frozen=True)
 class _Bond:
-    """A patch by its meshes, the finest first, and the shares of what the coarser one changes."""
+    """A patch by its meshes, the finest first, and the error fractions of the coarser one's change."""
 
     parts: tuple[_Part, ...]
     shares: ErrorFractions | None = None

@@ -185,8 +185,8 @@ def peak_of(curve: Curve, frequency_hz: float) -> Peak:
 def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """Frequencies in Hz, ascending, with these patches open and the others short, and unit coordinates (modes, columns).
 
-    Columns are those of the groups' modes and residuals, one group after another. Only what lies within the band
-    means something.
+    Columns are those of the groups' modes and residuals, one group after another. Only modes within the band
+    are meaningful.
     """
     stiffness, mass, loads = _projected(forced)
     plate = forced.plate

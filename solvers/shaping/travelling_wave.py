@@ -108,7 +108,7 @@ def best_travelling_drive(field: ComplexArray, x_m: FloatArray, guess: float) ->
     """Voltages (a,) of the largest TWR found over points x (p,) with amplitude and phase of every actuator free, and that TWR.
 
     field (p, a): displacement per volt. Starts from the least-squares waves e^{-ikx} around a guess of k, then raises the
-    smallest amplitude while the largest stays 1. Not convex: what it finds is reached, a larger one cannot be excluded.
+    smallest amplitude while the largest stays 1. Not convex: the value found is attained, but a larger one cannot be excluded.
     """
     scaled = field / np.abs(field).max()
     starts = []

@@ -140,7 +140,7 @@ class Ties:
     """Ties of the degrees of freedom of adjacent cells in a lattice: u(r + a) = u(r) exp(i k.a).
 
     a1 leads from the first of the cells to the next one's place beyond the last, a2 to the next row, `shift` cells further on.
-    Free are the lower edge and what lies inside; a row left open keeps its upper edge free, too.
+    The lower edge and the inside are free; an open row keeps its upper edge free, too.
 
     column (dof,): the free one, numbered [lower edge, inside], an edge as [vertex line, side] of each cell; offset (dof, 2): by
     how many a1 and a2 it lies beyond it. edge, inside: how many there are of both.
@@ -222,5 +222,5 @@ class ReductionSettings:
 
     @property
     def ample(self) -> Interface:
-        """The boundary functions with those that only estimate what is left out."""
+        """The boundary functions with those that only estimate the truncation error."""
         return replace(self.interface, through=self.interface.through + self.further)

@@ -161,7 +161,7 @@ class AssembledPlate:
 
 
 def _entries(matrix: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """Rows, columns and values of a cell's matrix, but for what rounding left of entries that symmetry makes zero."""
+    """Rows, columns and values of a cell's matrix, without the rounding left in entries that symmetry makes zero."""
     size = np.sqrt(np.abs(np.diag(matrix)))
     row, column = np.nonzero(np.abs(matrix) > DROP_TOLERANCE * np.outer(size, size))
     return row, column, matrix[row, column]
@@ -181,7 +181,7 @@ def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
 
 
 class Grid:
-    """Numbers of the whole plate's degrees of freedom, and what the two mirrors do to them; `whole`: no panel stands
+    """Numbers of the whole plate's degrees of freedom, and the action of the two mirrors on them; `whole`: no panel stands
     for its image.
     """
 

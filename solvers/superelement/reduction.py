@@ -74,8 +74,8 @@ def _enough_nodes(system: System, interface: Interface) -> None:
 class SymmetryClass:
     """One symmetry class: its basis of boundary degrees of freedom, nodal shapes (3n, m) and fixed-interface frequencies.
 
-    No fixed-interface mode of the class below dropped_hz was left out; flexibility (boundary, boundary) is what those left out
-    answer together to the boundary's motion, (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
+    No fixed-interface mode of the class below dropped_hz is discarded; flexibility (boundary, boundary) is the residual
+    flexibility of the discarded ones, (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
     """
 
     signs: dict[int, int]

@@ -64,7 +64,7 @@ class FreeBeam:
 
         EI (1 + s theta) w'''' + rho A s^2 w = delta(x - source), w'' = w''' = 0 at both ends. With p the two fourth roots
         of -rho A s^2/(EI (1 + s theta)) in the left half plane: w = sum of e^{p|x - source|}/(4 EI (1 + s theta) p^3) plus
-        what the ends send back, e^{p x} and e^{p (L - x)}; nothing overflows. SolverError for s = 0, for places off the
+        the reflections at the ends, e^{p x} and e^{p (L - x)}; nothing overflows. SolverError for s = 0, for places off the
         beam, at a lossless resonance. Source: graff1975.
         """
         x, sources, at = self._inside(x_m), self._inside(source_m), np.asarray(s, dtype=complex)
@@ -244,7 +244,7 @@ class LoopStability:
 
 @dataclass(frozen=True)
 class ActiveBeamStudy:
-    """Figures 3.5 to 3.8 computed, with what they leave out: forces, stability, sensitivity to gain and place.
+    """Figures 3.5 to 3.8 computed, with results that they omit: forces, stability, sensitivity to gain and place.
 
     open_m (frequencies, n): |w| without loops at x_m; sweeps hold rms inside over rms outside per layout.
     """

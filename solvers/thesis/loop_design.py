@@ -135,7 +135,7 @@ class DqData:
 
     target, neighbours: velocity response of each mode, signal over drive in full scales; for sensor "displacement" their
     gains are turned by -j. within_s: asked 95 % response. share: of G Vmax, the requested step. delay_s: dead time beyond
-    the hold; delay_guess_s: what is known of delay and hold before identification; noise: rms of a sample.
+    the hold; delay_guess_s: known part of delay and hold before identification; noise: rms of a sample.
     """
 
     target: ModePlant = field(default_factory=lambda: ModePlant.from_quality_factor(31_000.0, 300.0, 0.8))
@@ -192,7 +192,7 @@ class Step:
 
 @dataclass(frozen=True)
 class DqStudy:
-    """Design, what the drive allows, the identified mode, margins and simulated steps.
+    """Design, limits of the drive, the identified mode, margins and simulated steps.
 
     pi: in continuous time; planned_s: the time constant to plan the sampled gains with so that the loop as it is simulated
     meets the asked time; steps: the asked one for each detuning, with the firmware's own constant, with neighbours; windups:
@@ -231,7 +231,7 @@ class DqStudy:
         return 1.0 / (self.sampled.proportional * abs(self.identified.plant.gain))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plant, design, feasibility, identification, margins, steps and what the mode table carries of this."""
+        """Plant, design, feasibility, identification, margins, steps and the entries of the mode table."""
         data, plant, found = self.data, self.data.target, self.identified.to_dict()
         carried = {name: found[name] for name in ("frequency_hz", "tau_s", "gain", "delay_s")}
         return {
@@ -321,14 +321,14 @@ def _measured(data: DqData) -> Sweep:
     frequencies = np.linspace(f0 - SWEEP_WIDTHS * width, f0 + SWEEP_WIDTHS * width, SWEEP_POINTS)
     turn = 2j * pi * frequencies / data.rates.sample_rate_hz
     window = data.rates.period - data.rates.gap
-    noise = data.noise * 2.0 / window**0.5  # of a phasor fitted to so many samples, drive 1
+    noise = data.noise * 2.0 / window**0.5  # of a phasor fitted to this number of samples, drive 1
     modes = (data.target, *data.neighbours)
     sweep = noisy(sweep_of(modes, frequencies, data.sensor, data.delay_s, data.feedthrough), noise)
     return replace(sweep, response=sweep.response * (1.0 - np.exp(-turn)) / turn)
 
 
 def _setup(data: DqData, identified: Identified) -> Setup:
-    """The loop with the identified mode as what the controller knows."""
+    """The loop with the identified mode as the controller's model."""
     return Setup(
         modes=(_sensed(data.target, data.sensor),),
         known=identified.plant,

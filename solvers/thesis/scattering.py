@@ -67,7 +67,7 @@ class ScatteringCase:
 
 @dataclass(frozen=True)
 class PointForce:
-    """x over the wavelength (n,), and what a unit wave from the left becomes at each kind of point."""
+    """x over the wavelength (n,), and the scattering of a unit wave from the left at each kind of point."""
 
     x_over_wavelength: FloatArray
     cases: tuple[ScatteringCase, ...]

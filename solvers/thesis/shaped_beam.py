@@ -294,8 +294,8 @@ class ShapedBeam:
     """A beam by name; table: points are 301 along the beam and then the sensors' places; calibration: its sensors' factors in
     m/V, as found on the mode `calibrated_on`, or None.
 
-    Signals: `calibrated`, the sensors' voltages times their factor, what a controller sees; `displacement`, what a laser
-    would see under them.
+    Signals: `calibrated`, the sensors' voltages times their factor, as a controller sees them; `displacement`, as a laser
+    would measure under them.
     """
 
     name: str

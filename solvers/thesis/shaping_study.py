@@ -54,7 +54,7 @@ from solvers.thesis.shaped_beam import (
 )
 
 TARGETS = {"in phase": False, "alternating": True}
-NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the travelling wave is evaluated
+NEAR_FIELD = 0.1  # remaining part of the ends' near field, e^{-kx}, where the travelling wave is evaluated
 MICROMETRE = 1e-6
 
 ASSUMPTIONS = (
@@ -73,7 +73,7 @@ SCANNED = 221  # frequencies of the conditioning scan
 
 @dataclass(frozen=True)
 class Confinement:
-    """A target of one region at its two sensors and zero at the others: ratios of the whole field, and what it takes.
+    """A target of one region at its two sensors and zero at the others: ratios of the whole field, and the voltages.
 
     volts_per_um: largest voltage for 1 um asked; beyond_to_inside: largest voltage of the actuators outside the region over
     those inside; limited_*: the same 1 um with the voltage limit kept. best_*: the largest contrast of any voltages.

@@ -116,7 +116,7 @@ class _Problem:
         return residual if missing is None else residual + missing, slope
 
     def shares(self, values: ComplexArray, vectors: ComplexArray, row: int) -> FloatArray:
-        """Share of a free mode in motions (modes, k) at eigenvalues (k,), of 1, with what they move beyond the band."""
+        """Share of a free mode in motions (modes, k) at eigenvalues (k,), of 1, including their motion beyond the band."""
         out = np.empty(len(values))
         for place, (value, vector) in enumerate(zip(values, vectors.T, strict=True)):
             stiffness, _ = self._finger(value)
@@ -176,7 +176,7 @@ class Lattice:
 
     @property
     def reach(self) -> int:
-        """Steps from a contact's middle to its outermost point: so many lines of points at each end carry no middle."""
+        """Steps from a contact's middle to its outermost point: this number of lines at each end carries no middle."""
         return int(self.steps.max())
 
     @property

@@ -54,7 +54,7 @@ class CellFamily:
 
     @property
     def checked_m(self) -> FloatArray:
-        """The pillar whose reduction was compared with what is interpolated, (4,) m from the nominal one."""
+        """The pillar whose reduction was compared with the interpolation, (4,) m from the nominal one."""
         return CHECKED * self.reach_m
 
     def weights(self, change_m: FloatArray) -> FloatArray:
@@ -248,7 +248,7 @@ def _prolonged_modes(
 def _orthonormal(gram: FloatArray, eigenvalue: FloatArray) -> FloatArray:
     """Transform to orthonormal modes from their Gram matrix, each cleared of those below: L^-T of G = L L^T, ascending.
 
-    Inverse iteration swells what a mode has of those below it and shrinks what it has of those above: lower ones stay clean.
+    Inverse iteration amplifies a mode's part in those below it and damps that in those above: lower ones stay clean.
     """
     upwards = np.argsort(eigenvalue, kind="stable")
     sorted_in = np.ix_(upwards, upwards)

@@ -22,7 +22,7 @@ from solvers.variation.cells import CellFamily
 
 # -- plate on few motions ----------------------------------------------------------------------------------------------
 # A driven plate on few motions: its modes about the band and its answers to the loads, for changed K and M.
-# Rayleigh-Ritz: frequencies err by the square of what a mode of the changed plate lacks of those motions, fields by
+# Rayleigh-Ritz: frequencies err by the square of the part of a changed plate's mode outside those motions, fields by
 # that itself; shapes that the changes bring (`derivative_shapes`) make both small. The response follows by
 # superposition.
 
@@ -152,7 +152,7 @@ class ChangedPlate:
     @property
     def tracked(self) -> Verdict:
         """Mode that the nominal plate's target mode has become (`solvers.measures.target_mode`): that with most of it,
-        among those of its shape in the zone. Others of that shape, and what the answers to the loads add, hold none of it.
+        among those of its shape in the zone. Others of that shape, and the answers to the loads, hold none of it.
         """
         inside, outside = np.diag(self.inside), np.diag(self.outside)
         share = inside / np.maximum(inside + outside, 1e-300)
@@ -273,7 +273,7 @@ def _answers(basis: GroupModes, pulls: Pulls, value: float) -> FloatArray:
 # band, of every symmetry class, its answers to the patches and to each pillar's change.
 
 CUT = 3.0  # standard deviations: a pillar beyond is not in the batch
-ENERGY = 1e-14  # of the largest: what a cell's motions leave out, square of 1e-7 of an amplitude
+ENERGY = 1e-14  # of the largest: neglected part of a cell's motions, square of 1e-7 of an amplitude
 
 
 @dataclass(frozen=True)
@@ -305,7 +305,7 @@ class Deviations:
 
 @dataclass(frozen=True)
 class _Kind:
-    """Pillars of one kind of cell: numbers (p,), signs (p, 4) of what they deviate by, motions (p, r, columns).
+    """Pillars of one kind of cell: numbers (p,), signs (p, 4) of their deviations, motions (p, r, columns).
 
     stiffness, mass: the cell's changes at the nodes of its family, (nodes, r, r); missed: of both, (r, r), as the family's.
     """

@@ -282,7 +282,7 @@ def _at(extreme: Extreme) -> tuple[float, float]:
 # moved to the branch's extreme or to the wavevector where its label changes.
 
 SHARP = 1e-5  # of a step: a label's change is not a smooth extreme
-KNOWN = 1e-4  # relative: an edge where a label changes, well below what the reduction is good for
+KNOWN = 1e-4  # relative: an edge where a label changes, well below the error of the reduction
 
 
 @dataclass(frozen=True)

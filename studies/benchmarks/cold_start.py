@@ -25,7 +25,7 @@ LINE = re.compile(r"import time:\s*(\d+) \|\s*(\d+) \| ( *)(\S+)")
 
 
 def slowest(arguments: tuple[str, ...]) -> list[tuple[str, float]]:
-    """The packages whose import took longest, with what they import themselves, ms (the interpreter's own accounting)."""
+    """The packages whose import took longest, with their own imports, ms (the interpreter's own accounting)."""
     entry = ran("-X", "importtime", "-m", "pipeline.cli.main", *arguments, check=False).complaints
     measured: dict[str, float] = {}
     for match in LINE.finditer(entry):

@@ -239,7 +239,7 @@ def page(results: list[Solution], references: dict[str, Solution], missing: dict
 
 
 def main() -> int:
-    """Compute what is not kept, print, and write if asked to."""
+    """Compute the rows that are not stored, print them, and write the page on request."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--ngsolve", default=sys.executable, metavar="PYTHON", help="an interpreter with ngsolve and scipy"

@@ -169,7 +169,7 @@ def calculix(task: dict[str, Any]) -> dict[str, Any]:
 def _deck(
     task: dict[str, Any], nodes: FloatArray, cells: IntArray, stopped: list[tuple[int, int]], probed: list[int]
 ) -> str:
-    """The input file: mesh, material, what is held, one frequency step, the motions of the nodes probed."""
+    """The input file: mesh, material, supports, one frequency step, the motions of the nodes probed."""
     own = task["settings"]
     lines = ["*NODE, NSET=NALL"]
     lines += [f"{i}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(nodes, start=1)]
