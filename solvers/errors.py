@@ -14,10 +14,10 @@ class SolverError(Exception):
 
     >>> from antinode import SolverError
     >>> try:
-    ...     raise SolverError("residual 1e-3 of mode 4, must be below 1e-6: ask for a smaller accuracy")
+    ...     raise SolverError("residual 1e-3 of mode 4, must be below 1e-6: refine the mesh")
     ... except SolverError as fault:
     ...     print(fault)
-    residual 1e-3 of mode 4, must be below 1e-6: ask for a smaller accuracy
+    residual 1e-3 of mode 4, must be below 1e-6: refine the mesh
     """
 
 

@@ -204,6 +204,6 @@ def _along_a_line(
     element = np.clip(np.searchsorted(coarse, points, side="right") - 1, 0, len(coarse) - 2)
     local = (points - coarse[element]) / np.diff(coarse)[element]
     if local.min() < -SAME or local.max() > 1.0 + SAME:
-        raise MeshError("a mesh is not nested in the coarser one: it reaches beyond it")
+        raise MeshError("a mesh is not nested in the coarser one: it extends beyond it")
     weights, _ = lagrange(inner, local)
     return order * element[:, None] + np.arange(order + 1), weights, order * (len(coarse) - 1) + 1

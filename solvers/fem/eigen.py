@@ -158,7 +158,31 @@ def modes_in_band(
 
 
 def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | Shared | None = None) -> Modes:
-    """The `count` elastic modes nearest to a frequency, clusters at the rim of the interval kept whole."""
+    """Compute the elastic modes nearest to a frequency, with whole clusters at the ends of their interval.
+
+    Parameters
+    ----------
+    pencil : PlainPencil
+        Stiffness and mass, both (dof, dof), with their units.
+    near_hz : float
+        The frequency in Hz.
+    count : int
+        Number of modes; a cluster at an end may add some.
+    backend : str or Shared, optional
+        As in `modes_in_band`.
+
+    Returns
+    -------
+    Modes
+        As in `modes_in_band`.
+
+    Raises
+    ------
+    CountMismatch
+        If no gap ends a cluster, or the inertia count disagrees.
+    SolverError
+        If a check of the modes fails.
+    """
     solver = _Solver(pencil, backend)
     target = pencil.scale.eigenvalue(near_hz)
     count = min(count, pencil.dof - pencil.rigid_count)
@@ -184,7 +208,7 @@ def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | S
             values, vectors, (low, high) = values[kept], vectors[:, kept], ends
             below = solver.count_below(low) if low > 0.0 else 0
     if len(values) < count:
-        raise CountMismatch(f"{len(values)} of {count} modes near {near_hz:.6g} Hz agree with the inertia count")
+        raise CountMismatch(f"only {len(values)} of {count} modes near {near_hz:.6g} Hz agree with the inertia count")
     return solver.verified(values, vectors, low, high, below)
 
 
@@ -221,9 +245,9 @@ def _factors_near(
 
 
 def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tuple[FloatArray, FloatArray]:
-    """The `count` lowest eigenvalues, rigid ones included, each `multiplicity` times over, closed by a count above them, and
-    their M-orthonormal vectors (dof, count multiplicity). Raises CountMismatch.
+    """The `count` lowest eigenvalues, including rigid ones, each `multiplicity` times, and M-orthonormal vectors.
 
+    vectors (dof, count multiplicity); an inertia count above them proves completeness. Raises CountMismatch.
     The shift lies below zero, where K - sigma M is positive definite.
     """
     solver = _Solver(pencil, None)

@@ -90,7 +90,7 @@ class SuperLU:
             except RuntimeError as fault:
                 raise SingularShift(f"the shifted matrix is singular ({fault})") from fault
             except MemoryError as fault:
-                raise TooLarge(f"factorising {dofs} degrees of freedom took more memory than there is") from fault
+                raise TooLarge(f"factorising {dofs} degrees of freedom exceeded the available memory") from fault
         if not np.array_equal(factors.perm_r, factors.perm_c):
             raise SingularShift("SuperLU left the diagonal while pivoting, so that the inertia cannot be read")
         return factors
@@ -239,7 +239,7 @@ class Factoriser:
         self.backend = backend or os.environ.get("ANTINODE_FACTOR") or machine.factorisations()[0]
         if self.backend not in machine.factorisations():
             raise SolverError(
-                f"factorisation '{self.backend}' is not installed; there is {', '.join(machine.factorisations())}"
+                f"factorisation '{self.backend}' is not installed; use {', '.join(machine.factorisations())}"
             )
         self._symbolic: Any = None  # of the pattern seen last
 

@@ -256,9 +256,9 @@ def gauss(count: int, low: float = 0.0, high: float = 1.0) -> tuple[FloatArray, 
 
 
 def face_quadrature(mesh: AnyMesh, face: str, lines_m: Sequence[float] = ()) -> FaceQuadrature:
-    """Quadrature over a named face, exact for squared displacements on flat faces; no facet's rule straddles a line y = const
-    of `lines_m`, so that sums over the points on one side of it are integrals over that side.
+    """Quadrature over a named face, exact for squared displacements on flat faces.
 
+    No facet's rule straddles a line y = const of `lines_m`, so that sums over the points on one side are integrals.
     Raises MeshError for a face that the mesh does not have.
     """
     return joined([facet_quadrature(mesh.nodes, facets, mesh.order, lines_m) for facets in mesh.facets_of(face)])

@@ -38,10 +38,18 @@ SPARE = 4  # waves above the requested ones, with which the discarded modes coup
 
 @dataclass(frozen=True)
 class Waves:
-    """The lowest waves at a wavevector (2,) in rad/m: scaled eigenvalues and frequencies in Hz, both (n,) ascending.
+    """Lowest Bloch waves at one wavevector.
 
-    dofs (cell dof, n): the cell's degrees of freedom, u^H M u = 1, orthogonal except for the part of the discarded modes;
-    by_modes (n,): relative error bar (half-width) due to discarded fixed-interface modes, infinite where unknown.
+    Attributes
+    ----------
+    wavevector : ndarray, shape (2,)
+        In rad/m.
+    eigenvalue, frequency_hz : ndarray, shape (n,)
+        Scaled eigenvalues, and frequencies in Hz, both ascending.
+    dofs : ndarray, shape (cell dof, n)
+        Cell degrees of freedom, u^H M u = 1, orthogonal except for the part of the discarded modes.
+    by_modes : ndarray, shape (n,)
+        Relative error bar (half-width) due to discarded fixed-interface modes; inf where unknown.
     """
 
     wavevector: FloatArray

@@ -43,11 +43,32 @@ def reduce_cell(
     free: tuple[str, ...] = (),
     coarser: Coarser | None = None,
 ) -> Cell:
-    """Reduce a panel whose mesh has its middle at the origin; `halved` lists the axes meshed on their positive side only.
+    """Reduce a panel to boundary functions and fixed-interface modes.
 
-    Sides listed in `free` join nothing: they move as the mesh lets them, and their bubbles carry nothing.
-    Fixed-interface modes up to `top_hz` are kept. `coarser` corrects the discretisation error. Raises SolverError if a
-    rigid-body mode meets a force or the mass is wrong.
+    Parameters
+    ----------
+    system : System
+        Assembled matrices of a mesh with its middle at the origin.
+    interface : Interface
+        Degrees of the boundary functions.
+    top_hz : float
+        Highest fixed-interface frequency to keep, Hz.
+    halved : tuple of int
+        Axes meshed on their positive side only.
+    free : tuple of str
+        Sides that join nothing: they move as the mesh lets them, and their bubbles carry nothing.
+    coarser : callable, optional
+        Corrects the discretisation error.
+
+    Returns
+    -------
+    Cell
+        The reduced cell, in the units of the system's scale.
+
+    Raises
+    ------
+    SolverError
+        If a rigid-body mode meets a force or the mass is wrong.
     """
     _enough_nodes(system, interface)
     with one_thread():  # blocks of eight columns: a second thread mostly waits, and another case can use its core
@@ -66,7 +87,7 @@ def _enough_nodes(system: System, interface: Interface) -> None:
     if mesh.kind == "hex" and through <= interface.through:
         raise SolverError(
             f"degree {interface.through} through the thickness needs {interface.through + 1} nodes, the mesh has {through}: "
-            "take a higher order or more elements through the plate"
+            "use a higher order or more elements through the plate"
         )
 
 

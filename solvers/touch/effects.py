@@ -311,7 +311,7 @@ class SqueezeFilm:
         if lift > self.force_n:
             raise OutOfValidity(
                 f"at an amplitude of {1e6 * amplitude_m:.3g} um {gap} would carry {lift:.3g} N, more than the finger's "
-                f"{self.force_n:g} N: it floats, and the gap is not the given one"
+                f"{self.force_n:g} N: the finger floats, and the gap differs from the given one"
             )
         return 1.0 - lift / self.force_n
 

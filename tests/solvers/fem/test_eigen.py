@@ -267,7 +267,7 @@ def test_the_inertia_counts_the_eigenvalues_below_the_shift(backend: str) -> Non
 
 
 def test_an_unknown_factorisation_is_refused_with_what_there_is() -> None:
-    with pytest.raises(SolverError, match=r"'abacus' is not installed; there is .*superlu"):
+    with pytest.raises(SolverError, match=r"'abacus' is not installed; use .*superlu"):
         Factoriser("abacus")
 
 
