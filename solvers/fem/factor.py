@@ -281,7 +281,7 @@ class OwnerThread:
 
     def __init__(self) -> None:
         self._calls: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
-        threading.Thread(target=self._serve, name="antinode-keeper", daemon=True).start()
+        threading.Thread(target=self._serve, name="antinode-owner", daemon=True).start()
         # what finalizers handed over at the end of the process is freed by its own thread
         atexit.register(self.run, lambda: None)
 
@@ -303,25 +303,25 @@ class OwnerThread:
 class ThreadBound(Generic[Thing]):
     """Handle to an object made and used in its owner thread only, which frees it when the handle is deleted."""
 
-    def __init__(self, make: Callable[[], Thing], keeper: CallingThread | OwnerThread | None = None) -> None:
+    def __init__(self, make: Callable[[], Thing], owner: CallingThread | OwnerThread | None = None) -> None:
         box: list[Thing] = []
-        self._box, self._keeper = box, keeper or (_CALLING_THREAD if workers() == 1 else _own.lease.keeper)
-        self._keeper.run(lambda: box.append(make()))
-        finalize(self, self._keeper.submit, box.clear)
+        self._box, self._owner = box, owner or (_CALLING_THREAD if workers() == 1 else _own.lease.owner)
+        self._owner.run(lambda: box.append(make()))
+        finalize(self, self._owner.submit, box.clear)
 
     def use(self, function: Callable[[Thing], Other]) -> Other:
         """Call the function on the object in its owner thread and return the result."""
         box = self._box
-        return self._keeper.run(lambda: function(box[0]))
+        return self._owner.run(lambda: function(box[0]))
 
     def make(self, function: Callable[[Thing], Other]) -> ThreadBound[Other]:
         """Make another object from this one, in the same owner thread."""
         box = self._box
-        return ThreadBound(lambda: function(box[0]), self._keeper)
+        return ThreadBound(lambda: function(box[0]), self._owner)
 
     def free(self) -> None:
         """Free the object now; it cannot be used afterwards."""
-        self._keeper.run(self._box.clear)
+        self._owner.run(self._box.clear)
 
 
 _CALLING_THREAD = CallingThread()
@@ -332,10 +332,10 @@ class _Lease:
 
     def __init__(self) -> None:
         try:
-            self.keeper = _free_owners.pop()
+            self.owner = _free_owners.pop()
         except IndexError:
-            self.keeper = OwnerThread()
-        finalize(self, _free_owners.append, self.keeper).atexit = False
+            self.owner = OwnerThread()
+        finalize(self, _free_owners.append, self.owner).atexit = False
 
 
 class _Own(threading.local):

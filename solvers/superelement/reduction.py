@@ -119,7 +119,7 @@ class ClassSector:
         """Fields at every node, (3n, k)."""
         return self.pencil.expand(vectors).reshape(self.pencil.free.size, -1)
 
-    def gathered(self, field: FloatArray) -> FloatArray:
+    def restrict(self, field: FloatArray) -> FloatArray:
         """Restrict nodal loads (3n, k) to the free degrees of freedom."""
         return np.asarray(field[self.keep])
 
@@ -222,7 +222,7 @@ class CellBuilder:
         factorise, pencil = Factoriser(), sector.pencil  # one symbolic analysis serves the shifted matrices too
         # stored zeros dropped, as in every shifted matrix
         factor = factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
-        shapes = boundary - sector.spread(factor.solve(sector.gathered(self._pull(boundary))))
+        shapes = boundary - sector.spread(factor.solve(sector.restrict(self._pull(boundary))))
         return ClampedBoundaryClass(basis, self._moved_rigidly(basis, shapes), sector, factorise, factor)
 
     def _moved_rigidly(self, basis: FloatArray, shapes: FloatArray) -> FloatArray:
@@ -255,7 +255,7 @@ class CellBuilder:
         if bounded:
             if not len(modes.frequency_hz):  # the lowest mode where that lies above the top of the count
                 dropped = max(top_hz, lowest_hz(pencil, factor))
-            pushed = clamped.sector.gathered(on_components(self.system.mass, clamped.shapes))
+            pushed = clamped.sector.restrict(on_components(self.system.mass, clamped.shapes))
             flexible = _left_out(pencil, modes.vectors, pushed, factor)
         shapes = np.hstack([clamped.shapes, clamped.sector.spread(modes.vectors)])
         return SymmetryClass(signs, clamped.basis, shapes, modes.frequency_hz, dropped, flexible)

@@ -113,7 +113,7 @@ class DiagonalSector:
         """F v at every node, (3n, k)."""
         return np.asarray(self.fold @ vectors)
 
-    def gathered(self, field: FloatArray) -> FloatArray:
+    def restrict(self, field: FloatArray) -> FloatArray:
         """F'w of fields (3n, k) that belong to this half."""
         return np.asarray(field[self.first] * self.members[:, None])
 

@@ -242,7 +242,7 @@ def _prolonged_modes(
 ) -> FloatArray:
     """K_II^-1 M_II Phi_0 Lambda_0 at every node, (3n, m)."""
     heavy = on_components(build.system.mass, fixed * eigenvalue)
-    return clamped.sector.spread(clamped.factor.solve(clamped.sector.gathered(heavy)))
+    return clamped.sector.spread(clamped.factor.solve(clamped.sector.restrict(heavy)))
 
 
 def _orthonormal(gram: FloatArray, eigenvalue: FloatArray) -> FloatArray:

@@ -53,7 +53,7 @@ def elsewhere(call: Callable[[], Any]) -> Any:
 def settled() -> None:
     """Whatever finalizers handed over has been done."""
     gc.collect()
-    for each in {id(one): one for one in (*rslab._free_owners, rslab._own.lease.keeper)}.values():
+    for each in {id(one): one for one in (*rslab._free_owners, rslab._own.lease.owner)}.values():
         each.run(lambda: None)
 
 
@@ -126,7 +126,7 @@ def test_a_process_of_one_thread_keeps_to_it(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_threads_that_end_leave_their_keeper_to_the_next() -> None:
-    """A keeper each for as many threads as there ever were at once, not for as many as there ever were."""
+    """One owner thread for as many threads as there ever were at once, not for as many as there ever were."""
     elsewhere(lambda: ThreadBound(object))
     before = threading.active_count()
     for _ in range(20):
