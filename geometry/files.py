@@ -82,7 +82,7 @@ def obstacle(path: FilePath) -> str | None:
     if stat.S_ISSOCK(status.st_mode):
         return "it is a socket, not a file"
     if _is_input(status):
-        return "this command reads it and cannot overwrite its own input; name another file"
+        return "this command reads it, and inputs are never overwritten; name another file"
     return None if os.access(path, os.W_OK) else os.strerror(errno.EACCES)
 
 

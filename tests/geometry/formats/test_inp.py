@@ -170,7 +170,7 @@ BAD = {
     "a shell of volume": (PLAIN.replace("C3D8", "SC8R"), "SC8R is not read"),
     "no type": (PLAIN.replace("TYPE=C3D8, ", ""), r"\*ELEMENT without TYPE="),
     "a row too short": (PLAIN.replace(", 7, 8\n2", ", 7\n2"), "do not form rows of 9"),
-    "a word for a number": (PLAIN.replace("1, 4,", "1, four,"), "no set 'four'"),
+    "a word for a number": (PLAIN.replace("1, 4,", "1, four,"), "set 'four' is not defined"),
     "a node that is not there": (
         PLAIN.replace("5, 8\n*ELSET", "5, 88\n*ELSET"),
         "group CLAMP: node 88 is not in the file",
@@ -184,7 +184,7 @@ BAD = {
     "itself": (PLAIN + "*INCLUDE, INPUT=body.inp\n", "includes itself"),
     "a face that is not there": (PLAIN + "*SURFACE, NAME=A\n1, S7\n", "face S7 of element 1"),
     "a part that is not there": ("*INSTANCE, NAME=a, PART=b\n" + PLAIN, "which is not defined above"),
-    "two loose parts": (f"*PART, NAME=a\n{PLAIN}*END PART\n*PART, NAME=b\n{PLAIN}*END PART\n", "2 parts and no"),
+    "two loose parts": (f"*PART, NAME=a\n{PLAIN}*END PART\n*PART, NAME=b\n{PLAIN}*END PART\n", "2 parts but no"),
 }
 
 

@@ -209,7 +209,7 @@ def test_only_what_was_reached_is_interpolated(middle: CellFamily) -> None:
 def test_a_pillar_that_reaches_out_of_its_piece_and_one_that_cannot_grow_are_refused() -> None:
     varied = VariedPanel(MIDDLE, THICK_M, PILLAR, REDUCTION.hexahedra, (0, 1))
     for change, said in (
-        (PillarChange(x_m=1.1e-3), "too wide for the pitch"),
+        (PillarChange(x_m=1.1e-3), "increase the pitch"),
         (PillarChange(height_m=-5e-3), "above 0"),
     ):
         with pytest.raises(MeshError, match=said):
