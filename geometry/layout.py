@@ -185,7 +185,7 @@ class Design:
 
     Where rows differ, `graded` and `graded_pitches_m` hold one entry per row from the zone outwards, a row standing in the
     middle of a strip as wide as its pitch; pillar and pitch_y_m are then the first row's. Empty, all rows are alike.
-    With `stagger` every other row, from the second on, stands half a pitch along x beside its neighbours.
+    With `stagger` every other row, from the second on, is shifted by half a pitch along x.
     `zones` of equal size lie side by side along y, centred, zone_gap_m between their borders; `shared_rows` stand in each gap,
     the nearer half of them at either border. Width is one zone's, `rows` those beyond the outer zones.
     """
@@ -214,7 +214,7 @@ class Design:
 
     @property
     def is_staggered(self) -> bool:
-        """Whether a row stands beside its neighbours."""
+        """Whether rows are shifted relative to their neighbours."""
         return self.stagger and self.rows > 1
 
     @property

@@ -107,7 +107,7 @@ def parallel_map(
 
 @contextmanager
 def _short_switch_interval() -> Iterator[None]:
-    """Threads take turns more often within the block."""
+    """Make threads take turns more often within the block."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(min(before, WAIT_S))
     try:
@@ -166,5 +166,5 @@ def one_thread() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def _pools() -> ThreadpoolController:
-    """Looked up once: that takes half as long as a wave's dense solve."""
+    """Thread pools, looked up once: that takes half as long as a wave's dense solve."""
     return ThreadpoolController()

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 # modes farther away than they are; Rayleigh's quotients on the span of all v are the coarser
 # eigenvalues to second order in what is left, paired with the modes by their overlap (boffi2010).
 
-BELOW, APART = 0.97, 0.01  # a shift: of the lowest eigenvalue, and how far from any, relative
+BELOW, APART = 0.97, 0.01  # a shift, over the lowest eigenvalue, and its least relative distance from any eigenvalue
 # of the last order's change away from the edge: more than further orders change there
 SMOOTH, CLAMPED_SMOOTH = 0.035, 0.02
 # of the last order's change at the edge: this part may come from elsewhere and cancel the edge's

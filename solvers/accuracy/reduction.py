@@ -50,7 +50,7 @@ from solvers.threads import one_thread
 if TYPE_CHECKING:
     from solvers.superelement.lattice import BlochPlate, Periodic, ReducedLattice, Waves
 
-WIDER = 1.15  # modes of the coarser mesh are sought so much higher: they lie above their partners
+WIDER = 1.15  # factor on the limit for modes of the coarser mesh, which lie above their partners
 MAX_SHARE = 0.9  # largest correction of K or M in any direction: they stay positive
 RELATIVE_SHIFT = 1e-9
 NULL_TOLERANCE = 1e-10  # of the mean stiffness or mass of a function: rounding
@@ -62,15 +62,15 @@ ALIKE = 0.5  # singular value of the modal overlap from which a direction has it
 # studies.error_bars` 99 of 100 modes lie within
 AT_RIMS, AWAY = 0.5, 0.06
 
-MARGIN = 2.0  # single modes may lie somewhat above the estimate by truncation, the worst of a class never did
+MARGIN = 2.0  # single modes may exceed the truncation estimate slightly, the worst of a class never did
 
 # part of the rise without the last degree through the thickness that further ones cause in a plate thin for its waves: its free
 # edges' boundary layers, sin(pi z / t) at their slowest, leave these up to 0.04
 EDGE_LAYER = 0.03
 
-Joined: TypeAlias = "AssembledPlate | BlochPlate"  # their degrees of freedom are their cells' own
+Joined: TypeAlias = "AssembledPlate | BlochPlate"  # their degrees of freedom are those of their cells
 
-# of the largest estimate of a band and those below it, of all: one wave may hide what others show
+# of the largest estimate of a band and those below it, and of all: one wave may hide an error that others show
 HIDDEN, BEYOND = 0.3, 0.02
 
 # times the geometric series, of which further degrees brought 0.06 to 2.8 to 12 cells of degrees 5 and 6; and of the last
@@ -78,9 +78,8 @@ HIDDEN, BEYOND = 0.3, 0.02
 SERIES, MIN_SHARE, MIN_DEGREE = 3.0, 0.5, 5
 
 LOWEST, TRIALS = 0.3, 40  # cut-offs tried, from this share of the lattice's own on
-TIMES_ROUNDING = (
-    1e3  # times the eigenvalue that is rounding: what at least holds rigid motion where degrees are compared
-)
+# times the eigenvalue that is rounding: what at least holds rigid motion where degrees are compared
+TIMES_ROUNDING = 1e3
 
 # of the change by the degree before the last: the next one of its parity brought a quarter to a third of it, and a wave that is
 # even or odd along the sides hides one of both
@@ -283,8 +282,8 @@ def more_below(
     """Upper bound of the number of modes below a frequency that the reduced pencil lacks; None without a bound.
 
     `reduced`: the reduced pencil's own count there, rigid-body modes included, where it is known already; `factorise` shares
-    the symbolic analysis of the pencil's earlier solves; degrees: how far, relative, the degrees left out may put a mode of
-    the meshes below the one that stands for it.
+    the symbolic analysis of the pencil's earlier solves; degrees: relative amount by which discarded degrees may
+    lower a mode of the meshes below the one that represents it.
     """
     beyond_hz = edge_hz * (1.0 + degrees)
     value = pencil.scale.eigenvalue(beyond_hz)

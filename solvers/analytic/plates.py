@@ -306,7 +306,7 @@ def _lowest(stiffness: FloatArray, mass: FloatArray, nodal_lines: int) -> tuple[
 
 @lru_cache(maxsize=1)
 def _threads() -> ThreadpoolController:
-    """Found once: looking up the loaded thread pools takes as long as one of the solves."""
+    """Thread limit, made once: looking up the loaded thread pools takes as long as one of the solves."""
     return ThreadpoolController()
 
 

@@ -173,7 +173,7 @@ def feasibility(
 AntiWindup = Literal["match", "freeze", "none"]
 NEIGHBOUR_LOOP = 0.5  # loop gain that a mode next to the target mode may have, whatever its phase
 LEAVING_S = 0.2e-3  # the loop's time constant on the way out of the drive's limit: about a period
-LIMITED = 2  # and one less a period: until the end of the limit shows in the measurement
+LIMITED = 2  # and one less per period, until the end of the limit shows in the measurement
 
 
 @dataclass(frozen=True)

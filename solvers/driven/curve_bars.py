@@ -16,7 +16,7 @@ from solvers.piezo.responses import frequency_errors, load_errors
 
 # -- quadratic forms ---------------------------------------------------------------------------------------------------
 # Error bars of a driven plate's response at many frequencies, from one solve: quadratic forms on plates within its bars.
-# What may be wrong, each independent of the others and their changes added by squares, with the worst of each:
+# Independent sources of error, whose worst changes are added by squares:
 #
 # * the frequency of each mode, within its bar: at its ends, where the resonance comes nearest to the tone, and half-way there;
 # * the stiffness that couples the mode nearest to a frequency with each other one of its group, as `error_bars` has it;
@@ -103,7 +103,7 @@ def changes(
     volts : ndarray, shape (t, d)
         By which loads on a mode add up.
     still : int, optional
-        Number of a mode that stays where it is.
+        Number of a mode that keeps its frequency.
     """
     softer = forms.lossy * forms.own
     nearest = np.clip(-softer.real / np.abs(softer) ** 2, *known.change.T)

@@ -18,8 +18,8 @@ from solvers.piezo.responses import open_patches
 # Error bars of a driven plate: those of its resonances, and those of any figure computed from them.
 # A stiffness with an error d, |d_ij| <= 2 e (l_i l_j)^(1/2) of M-orthonormal modes with eigenvalues l and relative
 # frequency errors e (parlett1998), moves each resonance and mixes the modes. A figure is computed again on plates
-# that differ so: every resonance moved to either end of its bar, the pairs of a resonating mode and each other one
-# mixed. It is nonlinear where modes lie close to each other or to the tone; the changes of independent sources add up
+# with these differences: every resonance moved to either end of its bar, the pairs of a resonating mode and each other one
+# mixed. It is nonlinear where modes lie close to each other or to the frequency; the changes of independent sources add up
 # by their squares.
 
 Plate = TypeVar("Plate", bound=ForcedPlate)

@@ -106,13 +106,13 @@ def _put(values: tuple[T, ...], axis: int, value: T) -> tuple[T, ...]:
 
 LARGE = 200_000  # degrees of freedom beyond which whole solids hold no second copy of their matrices
 ENTRY = 12  # bytes of a sparse matrix's entry: a number and a column
-STIFFNESS, MASS = 9 * ENTRY, 3 * ENTRY  # a pair of nodes, of K and of M with three components
+STIFFNESS, MASS = 9 * ENTRY, 3 * ENTRY  # per pair of nodes, of K and of M with three components
 # bytes of an entry of the dissected factor: at the peak of the factorisation, and afterwards
 FACTOR = {"rslab": (30.0, 15.0), "superlu": (75.0, 60.0)}
 ANALYSIS, COPY = 60, 30  # bytes per entry of the matrix: the analysis, and the part that stays next to the factor
 VECTORS = 8  # copies of the modes' vectors while they are verified
-DENSE_GAIN = 2.0  # how much faster than vectors' a front's operations run
-FACTORISATIONS = 4  # of one band: both ends, the shift, one more where it is halved
+DENSE_GAIN = 2.0  # speed of a front's operations relative to those on vectors
+FACTORISATIONS = 4  # factorisations of one band: both ends, the shift, one more if it is halved
 SOLVES = 3.0  # a mode
 BASIS = 2.5  # vectors of the basis per pair, when Lanczos has converged
 

@@ -429,7 +429,7 @@ class _Solver:
         return self._images[0]
 
     def residual(self, values: FloatArray, vectors: FloatArray) -> FloatArray:
-        """||K x - l M x|| / (||K|| ||x||) a pair, shape (k,)."""
+        """Residuals ||K x - l M x|| / (||K|| ||x||), one per pair, shape (k,)."""
         if not len(values):
             return np.empty(0)
         stiff, heavy = self.images(vectors)
@@ -565,7 +565,7 @@ class _Solver:
         return Modes(frequency, vectors, residual, rounding, count, self.pencil.rigid_count, self.factorisations)
 
     def _rounding(self, values: FloatArray, vectors: FloatArray) -> FloatArray:
-        """eps |x|'|K||x| / (2 lambda) a mode (a change of K by its own rounding, to first order). SolverError if too large.
+        """Relative round-off of each mode, eps |x|'|K||x| / (2 lambda), to first order. Raises SolverError if too large.
 
         2 |x_i x_j| <= x_i^2 + x_j^2 bounds it by the columns' sums alone, which stand for it where they are small enough.
         """

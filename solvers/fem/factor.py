@@ -1,6 +1,6 @@
 """Factorisations with inertia.
 
-scipy's SuperLU is always there; rslab is taken when it is installed.
+scipy's SuperLU is always available; rslab is used if it is installed.
 """
 
 from __future__ import annotations
@@ -32,34 +32,33 @@ from solvers.threads import parallel_map as in_threads
 BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
 
 DENSE = 3000  # degrees of freedom up to which even a full triangle is small: SuperLU orders by itself
-WORTH = 0.5  # classes of alike degrees of freedom are ordered instead of degrees of freedom when they are this few
-SOLVE_BYTES = 26  # measured peak a factor entry: 8 in L, 12 in U, and the buffers that grow
+WORTH = 0.5  # classes of equivalent degrees of freedom are ordered instead, if their number is at most this fraction
+SOLVE_BYTES = 26  # measured peak per factor entry: 8 in L, 12 in U, and the buffers that grow
 INERTIA_BYTES = 24  # scipy copies L and U to show U's diagonal
-REORDERED_BYTES = 16  # an entry of the matrix, reordered
-MATRIX_BYTES = 12  # an entry of the matrix, kept for refinement
+REORDERED_BYTES = 16  # per entry of the matrix, reordered
+MATRIX_BYTES = 12  # per entry of the matrix, kept for refinement
 INDEX_LIMIT = 2**31 - 1  # SuperLU counts in 32 bits: first 30 times the matrix's entries, then half as many again
 FIRST_GUESS, GROWTH = 30, 1.5
 SYMMETRIC = {"SymmetricMode": True}
-EPSILON = float(np.finfo(float).eps)  # normwise backward error at which a solution cannot be bettered
+EPSILON = float(np.finfo(float).eps)  # normwise backward error at which a solution cannot be improved
 
 # Backward error of a substitution that lost nothing. Refined, it would gain nothing and no longer be one linear map: near an
 # eigenvalue the rounding of each sweep, another one each time, is what Lanczos would find.
 LOSSLESS = 4.0 * EPSILON
 
-REFINED = (
-    1e-14  # backward error at which refinement may end: EPSILON times the rounding of a sum of some thousand products
-)
-SWEEPS = 8  # of refinement at most: at CONTRACTION a sweep they would win eight digits
-CONTRACTION = 0.1  # of the defect by one sweep at most: below a half it proves the inertia, below this it serves
+# backward error at which refinement may end: EPSILON times the rounding of a sum of some thousand products
+REFINED = 1e-14
+SWEEPS = 8  # of refinement at most: at CONTRACTION per sweep they would gain eight digits
+# largest factor on the defect per sweep: below a half it proves the inertia, below this it is accepted
+CONTRACTION = 0.1
 PROBES = 3  # sweeps that measure the contraction: a power iteration from a random vector
 
 Thing = TypeVar("Thing")
 Other = TypeVar("Other")
 _free_owners: deque[OwnerThread] = deque()
-FILLED = (
-    10.0  # factor over matrix, bytes: beyond, it is not a plate, and nested dissection may fill less than minimum fill
-)
-ANALYSIS_BYTES = 60  # measured peak of the analysis an entry of the matrix
+# factor over matrix, bytes: beyond, it is not a plate, and nested dissection may fill less than minimum fill
+FILLED = 10.0
+ANALYSIS_BYTES = 60  # measured peak of the analysis per entry of the matrix
 COPY_BYTES = 30  # bytes of it still in memory, per entry, while the factor is made; rslab's own plan leaves it out
 
 # How long rslab's allocator keeps free pages for the next factor, ms; it reads this when rslab is first imported.

@@ -16,11 +16,11 @@ from solvers.analytic.beams import free_free_mode
 from solvers.errors import SolverError
 from solvers.measures.target_mode import Verdict, verdict
 
-LARGEST_DB = 3000.0  # of a bar: ten to a tenth of more is no number
+LARGEST_DB = 3000.0  # largest error bar: ten to the power of a tenth of more would overflow
 CONFINED_DB = 10.0  # rms on the active face over rms on the passive one
 NEGLIGIBLE = 1e-9  # of the larger part's area: a smaller part is rounding
 BESIDE = (0.75, 1.3)  # of a window's ends: modes within move driven zones
-FINE = 6  # points over a half-power width
+FINE = 6  # points per half-power width
 
 DECIBELS = 20.0 / log(10.0)
 

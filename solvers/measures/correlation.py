@@ -20,9 +20,9 @@ from solvers.measures.confinement import NEGLIGIBLE, TouchField, measure, target
 # meshes, rows and pitches compare: MAC_ij = |c_i . d_j|^2 / (|c_i|^2 |d_j|^2) (allemang2003). The assignment
 # maximises the sum of MAC times the geometric mean of the shares inside the zone (Hungarian method, kuhn1955).
 
-ALONG, ACROSS = 8, 6  # degrees: beyond the nodal lines along the zone; across it
+ALONG, ACROSS = 8, 6  # degrees of the polynomials: in addition to the nodal lines along the zone; across it
 KEPT = 0.5  # least MAC of one and the same mode
-RIVAL = 0.8  # of the score: a second mode that comes as near shares the shape; an even mixture of two gives 0.9 to 1
+RIVAL = 0.8  # of the score: a second mode this close shares the shape; an even mixture of two gives 0.9 to 1
 
 
 @dataclass(frozen=True)

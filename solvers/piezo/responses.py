@@ -22,8 +22,8 @@ from solvers.piezo.patched_plate import Group
 from solvers.superelement.plate import WHOLE
 
 PER_WIDTH = 6  # points over a resonance's half-power width about a peak
-SHARP = 1e-3  # of a half-power width: how finely a peak is found
-SAME_WIDTHS = 1.0  # half-power widths: nearer, two peaks are one
+SHARP = 1e-3  # of a half-power width: tolerance of a peak
+SAME_WIDTHS = 1.0  # half-power widths: closer peaks count as one
 SAME = 1e-10  # of the largest: directions of the space that are combinations of the others
 
 _KNOWN: WeakKeyDictionary[GroupModes, FrequencyErrors] = WeakKeyDictionary()  # every peak of a response needs them

@@ -1,4 +1,4 @@
-"""A plate as one thin strip across zone, rows and extension, its pillars as beams smeared along x: milliseconds a design."""
+"""A plate as one thin strip across zone, rows and margin, its pillars as beams smeared along x: milliseconds per design."""
 
 from __future__ import annotations
 
@@ -127,11 +127,11 @@ def _own(stiffness: FloatArray, mass: FloatArray, coupling: FloatArray, inertia:
 
 
 # -- strip -------------------------------------------------------------------------------------------------------------
-# Zone, rows and extension as one thin strip across the plate, its pillars as beams smeared along x: milliseconds a
+# Zone, rows and margin as one thin strip across the plate, its pillars as beams smeared along x: milliseconds per
 # design.
 # w = Y(y) cos(k x) with the target wavenumber k; cubic elements over y (finite strips, cheung1976); every row is a
-# line of pillars that carry their own vibrations. The plate's rigidity is lowered by what shear takes from the wave
-# that is target (Mindlin). Good for ranking designs: the detailed deformation of the pillars' feet is missing.
+# line of pillars that carry their own vibrations. The plate's rigidity is lowered by the effect of shear on the
+# target wave (Mindlin). Good for ranking designs: the detailed deformation of the pillars' feet is missing.
 
 PER_WIDTH = 8  # elements across a zone's width: a wave of the zone's is 16 long, cubic ones are exact to 1e-5
 _GAUSS = legendre.leggauss(4)

@@ -31,7 +31,7 @@ from solvers.superelement.plate import WHOLE
 from solvers.touch import touched_plate
 from solvers.touch.touched_plate import TouchedPlate, rms, with_loads
 
-PASSES, STEPS = 30, 12  # of the linearised problem, of inverse iteration
+PASSES, STEPS = 30, 12  # steps: of the linearised problem, of inverse iteration
 NEAR, SETTLED = 1e-4, 1e-12  # relative change of an eigenvalue between them
 
 COPIES = 6  # of a group's loads that are held at once: loads, residual vectors, slopes, and the three stacked
@@ -39,9 +39,9 @@ COPIES = 6  # of a group's loads that are held at once: loads, residual vectors,
 PRESSURE_PA = 101325.0
 VISCOSITY_PA_S = 1.81e-5  # of air at 20 C
 FREE_PATH_M = 68e-9  # of its molecules at 1 atm
-MIN_SQUEEZE_NUMBER = 10.0  # below it air escapes at the rim within a period
+MIN_SQUEEZE_NUMBER = 10.0  # below it, air escapes at the rim within a period
 MAX_KNUDSEN = 0.1  # above it the film is not a continuum
-MAX_WAVE_SHARE = 0.5  # of a wave, the widest contact that crests and troughs do not share
+MAX_WAVE_SHARE = 0.5  # of a wavelength: widest contact that does not span crests and troughs
 
 
 @dataclass(frozen=True)

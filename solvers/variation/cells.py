@@ -28,8 +28,8 @@ from solvers.superelement.reduction import CellBuilder, ClampedBoundaryClass, Co
 # inverse iteration there on the unmoved mesh's fixed-interface modes, node by node, made orthonormal: modes of their
 # own but for the second order, and smooth in p whatever modes cross. K_r(p) and M_r(p) are interpolated between such
 # reductions by quadratic Lagrange polynomials on {-reach, 0, reach}: height and side together, each coordinate of the
-# foot for itself, and the products of a coordinate with every other parameter from the one reduction where both are a
-# reach off. A further reduction of a pillar with all deviations at once shows the remaining error.
+# foot for itself, and the products of a coordinate with every other parameter from a single reduction with both one
+# reach away. A further reduction of a pillar with all deviations at once shows the remaining error.
 
 HEIGHT, SIDE, X, Y = range(4)  # the parameters of a pillar, m
 CHECKED = 2.0 / 3.0  # of the reach of every parameter: where interpolation is compared with a reduction
@@ -102,7 +102,7 @@ def is_product(node: Node) -> bool:
 
 
 def _node(ones: Sequence[int]) -> Node:
-    """The node one reach off in these parameters."""
+    """The node one reach away in these parameters."""
     a, b, c, d = (int(axis in ones) for axis in range(4))
     return a, b, c, d
 

@@ -24,12 +24,12 @@ from solvers.superelement.lattice import Periodic, ReducedLattice, Waves, degene
 # out. Degenerate waves are first turned into those that continue to each side: eigenvectors of d lambda / d k along
 # the step within their group.
 
-CLEAR = 0.5  # modal overlap from which a wave is followed without looking closer
+CLEAR = 0.5  # modal overlap from which a wave is followed without halving the step
 LOST = 0.1  # below it a wave is another one
 DEEPEST = 4  # halvings of a step
 EXTRA = 4  # waves followed above the requested ones, so that a branch may come down
-PARTNERS = 2  # waves solved above these, so that none is followed without its degenerate partner
-TIED = 0.01  # of modal overlap: waves as alike as that are equally alike, and go on in their order
+PARTNERS = 2  # waves solved above these, so that each is followed with its degenerate partner
+TIED = 0.01  # of modal overlap: waves within this tolerance are equally similar and keep their order
 
 
 class Solved:
@@ -146,7 +146,7 @@ def _through(like: FloatArray) -> IntArray:
 
 
 def _step(solved: Solved, start: Waves, end: FloatArray, halvings: int) -> tuple[IntArray, FloatArray]:
-    """For each wave at the start its partner at the end and how like they are, looking closer where that is not clear."""
+    """For each wave at the start its partner at the end and their likeness, with halved steps where that is unclear."""
     lattice, step = solved.lattice, end - start.wavevector
     there = solved.turned(end, step, start)
     like = modal_overlap(lattice, start, there)
