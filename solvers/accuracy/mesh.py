@@ -240,7 +240,7 @@ class CoarserMeshes:
     def errors(
         self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Relative correction (downwards) and half-width of the error bar of frequencies, (k,) each.
+        """Relative correction (downwards) and error bar (half-width) of frequencies, (k,) each.
 
         vectors: M-orthonormal modes (dof, k) of a symmetry class; values: their eigenvalues (k,).
         """
@@ -395,7 +395,7 @@ class StressRecovery:
     def errors(
         self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Relative correction (downwards) and half-width of the error bar of frequencies, (k,) each.
+        """Relative correction (downwards) and error bar (half-width) of frequencies, (k,) each.
 
         vectors: M-orthonormal modes (dof, k) of a symmetry class; values: their eigenvalues (k,).
         """

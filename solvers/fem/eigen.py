@@ -22,9 +22,8 @@ from solvers.fem.factor import Factor, Factoriser
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
 ORTHONORMAL = 1e-8
-CLEAN_RESIDUAL = (
-    RESIDUAL / 100.0
-)  # above it a solve was disturbed: rounding leaves 1e-16, the stop rule of Lanczos 1e-13
+# above it a solve was disturbed: rounding leaves 1e-16, the stop rule of Lanczos 1e-13
+CLEAN_RESIDUAL = RESIDUAL / 100.0
 PASSES = 3  # over the pairs that are not clean
 # shares of the pencil's norm ratio tried as the floor above rigid-body modes
 RIGID = tuple(10.0**-n for n in range(9, 16))

@@ -18,10 +18,10 @@ MEASURED = """import sys, time
 from solvers import machine
 from pipeline.cli.main import main
 from pipeline.planning.resources import Demand
-told, text = [], Demand.text
-Demand.text = lambda self: told.append((self.memory_bytes, self.seconds)) or text(self)
+noted, text = [], Demand.text
+Demand.text = lambda self: noted.append((self.memory_bytes, self.seconds)) or text(self)
 code = main(sys.argv[1:])
-print(max(each[0] for each in told), sum(each[1] for each in told), machine.peak_bytes(), time.process_time())
+print(max(each[0] for each in noted), sum(each[1] for each in noted), machine.peak_bytes(), time.process_time())
 sys.exit(code)"""  # the process reports its own peak: the value that its parent reads of it may begin with the parent's size
 REFERENCE, SMALL = "studies/three-rows.toml", "examples/small.toml"
 ROUND = 'pillar={shape="round",diameter_mm=2.0,height_mm=6.3}'

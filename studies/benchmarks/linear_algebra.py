@@ -110,7 +110,7 @@ def compare_factorisations() -> None:
     )
     print(
         f"{'problem':11} {'DOFs':>8} {'with':8} {'first':>8} {'next':>8} {'ten':>7} {'at once':>7} "
-        f"{'foreseen':>8} {'peak':>7} {'held':>7} {'negative':>8}"
+        f"{'estimate':>8} {'peak':>7} {'held':>7} {'negative':>8}"
     )
     with tempfile.TemporaryDirectory() as folder:
         for name, problem in MATRICES.items():
