@@ -435,7 +435,7 @@ class Patches:
 
 
 def mirrored_axes(boxes_m: FloatArray) -> tuple[bool, bool]:
-    """Along x and y: whether footprints (n, 4) as boxes_m gives them are together their own mirror image."""
+    """Whether footprints (n, 4), as from boxes_m, are together their own mirror image along x and along y."""
     images = -boxes_m[:, [1, 0]], -boxes_m[:, [3, 2]]
     x, y = np.hstack([images[0], boxes_m[:, 2:]]), np.hstack([boxes_m[:, :2], images[1]])
     x_apart, y_apart = (np.abs(boxes_m[:, None] - image[None]).max(axis=2).min(axis=1) for image in (x, y))

@@ -134,7 +134,7 @@ def free_block_hz(
 
 
 def solid_modes(bonded: BondedPlate, middle_hz: float, layers: tuple[int, int] = (1, 2)) -> SolidModes:
-    """Modes about a frequency, extrapolated over meshes of these numbers of layers; each layer reduces the error equally."""
+    """Modes about a frequency, extrapolated over the number of layers, each of which reduces the error by one factor."""
     coarse, fine = (_modes(bonded, middle_hz, each) for each in layers)
     count = min(len(coarse[0]), len(fine[0]))
     limits = [b[:count] - (a[:count] - b[:count]) * LEFT / (1.0 - LEFT) for a, b in zip(coarse, fine, strict=True)]
@@ -272,6 +272,6 @@ def _nearest(stiffness: sp.csc_array, mass: sp.csc_array, shift: float) -> tuple
 
 
 def _spread(nodes: IntArray, count: int) -> sp.csr_array:
-    """From the degrees of freedom of some nodes to those of all."""
+    """Map from the degrees of freedom of some nodes to those of all."""
     places = (3 * nodes[:, None] + np.arange(3)).ravel()
     return sp.coo_array((np.ones(len(places)), (places, np.arange(len(places)))), (3 * count, len(places))).tocsr()

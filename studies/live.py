@@ -131,7 +131,7 @@ class BesidePlate:
 
     @classmethod
     def of(cls, live: Document, real: Document) -> BesidePlate:
-        """From both answers."""
+        """Differences of both answers."""
         near = live["near_hz"] is not None
         if real.get("confinement_db") is None:
             return cls(np.inf, np.inf, live["frequency_error"], *2 * (live["confinement_error_db"],), near)

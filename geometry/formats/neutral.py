@@ -136,7 +136,7 @@ def corner_keys(facets: IntArray, corners: int) -> IntArray:
 
 
 def rows_in(rows: IntArray, table: IntArray) -> IntArray:
-    """For each row its place in `table` (unique rows), -1 where it has none."""
+    """Place of each row in `table` (unique rows), -1 if absent."""
     both, inverse = np.unique(np.vstack([table, rows]), axis=0, return_inverse=True)
     place = np.full(len(both), -1, dtype=np.int64)
     place[inverse[: len(table)]] = np.arange(len(table))

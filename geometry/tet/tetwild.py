@@ -172,7 +172,7 @@ def _leave_no_file() -> None:
 
 
 def _die_with_parent() -> None:
-    """On Linux a killed parent takes this process along; elsewhere it ends at its broken pipe."""
+    """End this process with its parent: by a signal on Linux, elsewhere at its broken pipe."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 # -- nested meshes -----------------------------------------------------------------------------------------------------
 # The error of a mesh, estimated from two coarser ones nested in it: one without the innermost layer, one of an order less.
 # Where displacements go as r^a at an edge, the finer mesh still errs by a share of the innermost layer's change
-# that follows from a, the order and the layers (babuska1981); away from the edge the last order brought more than any
-# further one will, but for motions of a parity to which it brought nothing: lower modes of the class show what those
+# that follows from a, the order and the layers (babuska1981); away from the edge the last order changed more than any
+# further one will, except for motions of a parity that it did not change: lower modes of the class show what those
 # hide. A body meshed whole needs no search for coarser modes. One inverse iteration about an s amid the modes u of the
 # finer mesh solves (K_c - s M_c) v = P' M u, P the prolongation of the coarser mesh's fields to the finer one, and damps
 # modes farther away than they are; Rayleigh's quotients on the span of all v are the coarser
@@ -57,15 +57,15 @@ OUTER_ACROSS, OUTER_ALONG = 0.65, 0.35
 # part of the layer's change due to motion in the plane across a rim: 74 cells of `python -m studies.error_bars` and of seeds
 # 7 and 8 err least with 0.65 to 0.85, and round pillars that twist have next to none of it
 ACROSS = 0.7
-# half-ranges between both that a share is uncertain by, by order: the higher it is, the more the weaker singularities differ
+# uncertainty of a share in half-ranges between both, by order: the higher it is, the more the weaker singularities differ
 RANGES = {3: 0.15, 4: 1.1}
-# of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
+# of a mode's energy: least part in motions that the elements resolve badly, the source of the whole error
 UNRESOLVED = 0.5
 # of the last order's change in a plate thinner than its elements are long: the rest is that order two locks in bending
 UNLOCKED = 0.5
 LAYER = 2.106  # decay of the slowest layer in the plane along a free edge, by half a thickness: sin 2x + 2x = 0 (horgan1983)
 DEGREES = 12  # of a layer's degrees beyond the order, whose energies fall faster than a geometric series
-HIDDEN = 0.5  # of the largest half-width by short waves of the modes below it: so much one of them may hide
+HIDDEN = 0.5  # of the largest half-width by short waves of the modes below: the part that a mode may hide
 # of the share: one radial function stands for the whole of an edge
 RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = 0.1, 0.3, 0.15
 

@@ -191,12 +191,12 @@ class Rates:
 
     @property
     def period_s(self) -> float:
-        """Between two slow steps, s."""
+        """Time between two slow steps, s."""
         return self.period / self.sample_rate_hz
 
     @property
     def ahead_s(self) -> float:
-        """From the middle of a window to its answer, s."""
+        """Time from the middle of a window to its answer, s."""
         return ((self.period - self.gap) / 2.0 + self.gap) / self.sample_rate_hz
 
 
@@ -282,7 +282,7 @@ class Trace:
         return float(self.time_s[i - 1] + part * (self.time_s[i] - self.time_s[i - 1]))
 
     def settled_s(self, band: float = 0.05) -> float:
-        """From when on U stays within `band` of the last reference; inf if it does not at the end."""
+        """Time from which U stays within `band` of the last reference; inf if it does not at the end."""
         off = np.abs(self.measured - self.reference[-1]) > band * abs(self.reference[-1])
         if off[-1]:
             return inf
@@ -295,7 +295,7 @@ class Trace:
 
 
 def step_response(setup: Setup, reference: float, seconds: float = 20e-3) -> Trace:
-    """From rest to a reference at time 0, right after a slow step: the worst moment. SolverError unless above 0."""
+    """Simulate a step from rest to a reference at time 0, right after a slow step, the worst moment."""
     check_above_zero("reference", reference)
     periods = max(round(seconds / setup.rates.period_s), 1)
     return run(setup, np.full(periods, reference))

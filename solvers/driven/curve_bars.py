@@ -318,7 +318,7 @@ class Contacts:
 
     @classmethod
     def of(cls, receptance: ComplexArray, eigenvalue: float, **plate: Any) -> Contacts:
-        """From receptances (t, l, l) at an eigenvalue."""
+        """Contacts from receptances (t, l, l) at an eigenvalue."""
         modal = cls(np.zeros_like(receptance), **plate).receptance(eigenvalue)
         return cls(np.asarray(receptance - modal), **plate)
 

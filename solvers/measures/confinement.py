@@ -134,7 +134,7 @@ class Overlaps:
 
     @classmethod
     def between(cls, faces: Sequence[tuple[Any, Any]]) -> Overlaps:
-        """From weights (q,) and values (q, k) at the points of both parts, the active one first."""
+        """Overlaps from weights (q,) and values (q, k) at the points of both parts, the active one first."""
         active, passive = (np.asarray(values.conj().T @ (weights[:, None] * values)) for weights, values in faces)
         return cls(active, passive)
 
@@ -286,8 +286,9 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
 def confined(
     squares: Sequence[FloatArray], areas: Sequence[float], projection: FloatArray, per_mass: float
 ) -> Confinement:
-    """From integrals of |u_z|^2 (k,) over zone, passive face and the plate beyond the last row, their areas, and the squares
-    (k,) of the zone's motion projected on the target shape; per_mass: mass per area over the modal mass.
+    """Confinement from integrals of |u_z|^2 (k,) over zone, passive face and the plate beyond the last row, and their areas.
+
+    projection (k,): square of the zone's motion in the target shape; per_mass: mass per area over the modal mass.
     """
     (inside, passive, beyond), (zone, aside, outer) = squares, areas
     level, further = _level_db(inside, zone, passive, aside), _level_db(inside, zone, beyond, outer)

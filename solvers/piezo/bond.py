@@ -305,7 +305,7 @@ def _place(grid: Grid, at_m: FloatArray) -> tuple[int, int]:
 
 
 def _turned(grid: Grid, i: int, j: int) -> FloatArray:
-    """From the degrees of freedom of panel (i, j) to those of the one that was reduced, its image or itself, (dof, dof)."""
+    """Map from the degrees of freedom of panel (i, j) to those of the reduced one, its image or itself, (dof, dof)."""
     cell, face = grid.cell(i, j), grid.interface
     turn = np.eye(cell.dof)
     for axis, (own, image) in enumerate(zip((i, j), grid.positive(i, j), strict=True)):

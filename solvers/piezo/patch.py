@@ -108,7 +108,7 @@ class _Where:
 
 @dataclass
 class StaticCorrection:
-    """Flexibility beneath the patches of one plate; places alike are computed once, and none that the cache has."""
+    """Static correction beneath the patches of one plate: equal places are computed once, cached ones not at all."""
 
     reductions: Reductions
     cache: Cache[FloatArray] | None = None
@@ -293,7 +293,7 @@ def bonded_patch(
 ) -> BondedPatch:
     """A patch with footprint box_m = (x0, x1, y0, y1), bonded below (on the plate's back) or above (on its touch face).
 
-    Meshed by MESH where nothing else is given; computed where neither this process nor the cache has one alike.
+    Meshed by MESH unless given; computed unless this process or the cache holds an equal one.
     """
     x0, x1, y0, y1 = (float(end) for end in box_m)
     size = round(x1 - x0, 12), round(y1 - y0, 12)
@@ -329,9 +329,7 @@ def with_potential(
 
 
 def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings:
-    """Elements of a patch on the rectangle box_m: as short as the target shape needs; over pillars, as their feet and the
-    plate between them need.
-    """
+    """Elements of a patch on the rectangle box_m, as short as the target shape and the pillars beneath require."""
     size = design.line_spacing_m / WAVE
     if pillars_beneath(tiling, box_m):
         size = min(size, FOOT * min([design.thickness_m, *(pillar.footprint_m for pillar in design.kinds)]))
@@ -383,7 +381,7 @@ def _condensed(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
     """Stiffness, mass, theta, swell, capacitance and lowest resonance over fields (dof, m) of one symmetry class.
 
-    The matrices' images of the fields are fields of the class: their rows `own`, one a field, hold them.
+    The matrices' images of the fields are fields of the class: their rows `own`, one per field, hold them.
     """
     scale = sp.diags_array(1.0 / fields[own, np.arange(len(own))])
     stiffness, mass = (sp.csr_array(scale @ (matrix[own] @ fields)) for matrix in matrices[:2])
@@ -431,7 +429,7 @@ def _fields(mesh: Mesh, symmetry: str, size: int) -> tuple[sp.csr_array, IntArra
     where = np.concatenate(rows), np.tile(np.arange(len(rows[0])), len(rows))
     fields = sp.csc_array(sp.coo_array((np.concatenate(values), where), (size, len(rows[0]))))
     length = np.sqrt(np.asarray(fields.multiply(fields).sum(axis=0)))
-    alive = np.flatnonzero(length > 0.5)  # a motion on a mirror line that its class forbids cancels
+    alive = np.flatnonzero(length > 0.5)  # a motion on a mirror line that its class forbids cancels out
     return sp.csr_array(fields[:, alive] @ sp.diags_array(1.0 / length[alive])), rows[0][alive]
 
 

@@ -56,7 +56,7 @@ Meshes = Callable[[Panel], Mesh]
 
 @dataclass
 class Reductions:
-    """Reduces panels of one plate; equal panels once, and none that the cache has. `fresh` counts those computed here.
+    """Reduction of a plate's panels: equal panels once, cached ones not at all. `fresh` counts those computed here.
 
     `pillar` stands on panels with a foot that name none of their own. `mesher` meshes the panels with a pillar; without it,
     and for bare panels, structured hexahedra do.
@@ -223,7 +223,7 @@ class PlateModel:
         """The assembled cells of one symmetry class, of the whole plate for None."""
         name = symmetry or WHOLE
         if name not in self._assembled_plates:
-            if name == WHOLE:  # a panel at a mirrored plate's lower end may be none of its classes'
+            if name == WHOLE:  # a panel at a mirrored plate's lower end may belong to none of its classes
                 self._reduce(True)
             grid = None if name == WHOLE else self._grid
             self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name, grid)

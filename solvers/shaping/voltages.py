@@ -108,7 +108,7 @@ class Contrast:
 
 @dataclass(frozen=True)
 class Confined:
-    """At one frequency, dB of rms inside over rms outside: one actuator alone, and all with the best voltages (a,), V."""
+    """Confinement at one frequency, rms inside over outside in dB: one actuator, and all with the best voltages (a,), V."""
 
     alone_db: float
     shaped_db: float

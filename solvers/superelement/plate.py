@@ -239,7 +239,7 @@ class Grid:
         return self.tiling.representatives(self.whole)
 
     def representatives(self, symmetry: str) -> tuple[IntArray, FloatArray]:
-        """For every DOF the one it follows and its coefficient: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""
+        """Master and coefficient of every degree of freedom: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""
         here = np.arange(self.count)
         where, sign = here, np.where(self._idle(), 0.0, 1.0)
         for axis, mark in enumerate(symmetry):

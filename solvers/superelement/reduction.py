@@ -311,7 +311,7 @@ class CellBuilder:
         return stiffness, mass, np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
 
     def places(self, parts: list[SymmetryClass]) -> list[FloatArray]:
-        """From each class's degrees of freedom to the cell's, (dof, m)."""
+        """Map from each class's degrees of freedom to the cell's, (dof, m)."""
         return places_of([part.basis for part in parts], [len(part.fixed_hz) for part in parts])
 
     def _mirrored(

@@ -55,7 +55,7 @@ def diagonal_image(mesh: AnyMesh) -> IntArray | None:
 
 
 def _in_order(nodes: FloatArray, others: FloatArray, step: float) -> IntArray:
-    """For each of the others, (n,), the node that has its place when both are sorted by coordinates rounded to a step."""
+    """Node at the place of each of the others, (n,), with both sorted by coordinates rounded to a step."""
     first, second = (np.lexsort(np.round(points / step).T) for points in (nodes, others))
     image = np.empty(len(nodes), dtype=np.int64)
     image[second] = first

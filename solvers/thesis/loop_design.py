@@ -39,7 +39,7 @@ POINTS = 8000
 
 @dataclass(frozen=True)
 class SampledLoop:
-    """Over envelope frequencies Omega (n,), rad/s, negative and positive: return ratio L at the plant's input, U/reference."""
+    """Return ratio L at the plant's input and U/reference over envelope frequencies Omega (n,), rad/s, of both signs."""
 
     omega_rad_s: FloatArray
     open_loop: ComplexArray
@@ -60,7 +60,7 @@ class Margins:
 
 
 def _coefficients(setup: Setup, gain_error: complex) -> tuple[complex, ...]:
-    """Over a period U' = a U + b V, in the middle of the window M = c U + e V, then V' = I - state M - feed V, I' = I - i M:
+    """Coefficients over a period: U' = a U + b V, mid-window M = c U + e V, then V' = I - state M - feed V, I' = I - i M:
     a, b, c, e, state, feed, i.
     """
     rates, truth, model, control = setup.rates, setup.modes[0], setup.model, Controller(setup)
@@ -154,7 +154,7 @@ class DqData:
 
     @property
     def latency_s(self) -> float:
-        """From a change of the reference to its drive at worst: a period's wait, the gap, a sample, the delay."""
+        """Longest time from a change of the reference to its drive, s: a period's wait, the gap, a sample, the delay."""
         samples = self.rates.period + self.rates.gap + 1
         return samples / self.rates.sample_rate_hz + self.delay_s
 

@@ -88,7 +88,7 @@ class PointForce:
 
 @dataclass(frozen=True)
 class PillarFilter:
-    """Over n frequencies: |t|^2 and |r|^2 of 1 ... rows pillars, shape (rows, n), decay of an infinite row (n,), dB.
+    """Results over n frequencies: |t|^2 and |r|^2 of 1 ... rows pillars, shape (rows, n), decay of an infinite row (n,), dB.
 
     clamped_hz: the pillar on a rigid foot (Timoshenko); stopped_hz: where one pillar's moment lets nothing through;
     oscillator_stopped_hz: the same for a vertical oscillator of the pillar's mass and clamped frequency. bands_hz: the

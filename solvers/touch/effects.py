@@ -144,7 +144,7 @@ class _Problem:
 
 @dataclass(frozen=True)
 class TouchMap:
-    """Over a grid of places x_m (nx,), y_m (ny,): rms of u_z over the contact, m per volt of drive, free and touched, (nx, ny).
+    """Results on a grid of places x_m (nx,), y_m (ny,): rms of u_z over the contact, m per volt, free and touched, (nx, ny).
 
     field: the free plate's u_z at the places, complex; sensor_v: sensor voltages per volt of drive, (nx, ny, sensors).
     under: the touched plate's mean u_z over the contact, slope_change: change of its slope along x by the finger, complex.
@@ -333,7 +333,7 @@ def loaded_mode(touched: TouchedPlate, start: LoadedMode | None = None, slopes: 
     """The target mode under the finger, from that of a similar plate if known; None when the band holds
     none, or the finger leaves none among the modes about it.
 
-    slopes: with the slopes of the residual vectors; without them R matches two terms, and what changes bounds what four miss.
+    slopes: with the slopes of the residual vectors. Without them R matches two terms, and the change bounds the error of four.
     """
     free_hz, row = touched.free.target_hz(), touched.target_row
     if free_hz is None or row is None:
@@ -398,7 +398,7 @@ def lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz
 
 
 def crest_motion(along_m: ComplexArray, normal_m: ComplexArray, frequency_hz: float) -> CrestMotion:
-    """From amplitudes u_x and u_z (nx, ny) in m, time convention e^{+j omega t}; 0 where nothing moves."""
+    """Crest motion from amplitudes u_x and u_z (nx, ny) in m, time convention e^{+j omega t}; 0 where nothing moves."""
     omega, size = 2.0 * pi * frequency_hz, np.abs(normal_m)
     turning = (along_m * normal_m.conj()).imag
     crest = np.divide(turning, size, out=np.zeros_like(size), where=size > 0.0)
@@ -431,7 +431,7 @@ def drive_share(load: float, lag: float = 0.0) -> float:
 
 
 def _likeliest(problem: _Problem, row: int, low: float, high: float) -> tuple[complex, ComplexArray] | None:
-    """Among eigenvalues between two the one whose vector holds most of a mode, to NEAR."""
+    """Eigenvalue between two limits whose vector holds most of a mode, to NEAR."""
     value = complex(problem.own[row])
     for _ in range(PASSES):
         matrix, slope = problem.at(value)

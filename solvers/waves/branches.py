@@ -131,7 +131,7 @@ def _aligned(lattice: ReducedLattice, waves: ComplexArray, neighbour: ComplexArr
 
 
 def _partner(like: FloatArray) -> IntArray:
-    """For each row the column assigned so that the sum of the likenesses is largest."""
+    """Column assigned to each row so that the sum of the likenesses is largest."""
     # no entry is 0, which would remove the edge; scipy.optimize has the same, but is slow to import
     _, column = min_weight_full_bipartite_matching(sp.csr_array(1.0 + like), maximize=True)
     return np.asarray(column, dtype=np.int64)
@@ -146,7 +146,7 @@ def _through(like: FloatArray) -> IntArray:
 
 
 def _step(solved: Solved, start: Waves, end: FloatArray, halvings: int) -> tuple[IntArray, FloatArray]:
-    """For each wave at the start its partner at the end and their likeness, with halved steps where that is unclear."""
+    """Partner at the end of each wave at the start, and their likeness, with halved steps where that is unclear."""
     lattice, step = solved.lattice, end - start.wavevector
     there = solved.turned(end, step, start)
     like = modal_overlap(lattice, start, there)
