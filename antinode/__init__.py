@@ -1,11 +1,11 @@
-"""Touch plates that hold their vibration, from one case to modes, bands, confinement and response.
+"""Touch plates that confine their vibration, from a single case to modes, bands, confinement and response.
 
     import antinode
     plate = antinode.load("examples/small.toml")
     bands = plate.bands()
     bands.plot()
 
-Nothing heavy is imported until something is computed.
+Heavy libraries are imported only when a computation needs them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from antinode.plate import Caution, Plate, load
+    from antinode.plate import AntinodeWarning, Plate, load
     from antinode.sweeps import SweepTable, open, sweep
     from pipeline.case.schema import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
     from pipeline.errors import InputError
@@ -39,8 +39,8 @@ ANSWERS = (  # results of questions
     *("Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign", "Response"),
     *("Search", "Tolerance", "Touch", "Travel"),
 )
-HOMES = {  # where each public name stands, and by which name
-    **dict.fromkeys(("Caution", "Plate", "load"), "antinode.plate"),
+HOMES = {  # module of each public name, and its name there
+    **dict.fromkeys(("AntinodeWarning", "Plate", "load"), "antinode.plate"),
     **dict.fromkeys(("SweepTable", "open", "sweep"), "antinode.sweeps"),
     **dict.fromkeys(TABLES, "pipeline.case.schema"),
     **{name: f"pipeline.questions.{name.lower()}:{name}Result" for name in ANSWERS},
@@ -49,7 +49,7 @@ HOMES = {  # where each public name stands, and by which name
     "SolverError": "solvers.errors",
 }
 __all__ = [
-    "Caution",
+    "AntinodeWarning",
     "InputError",
     "Mode",
     "Plate",

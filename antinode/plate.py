@@ -1,4 +1,4 @@
-"""A plate: one case, and what can be computed of it."""
+"""A plate: one case and the questions that can be computed for it."""
 
 from __future__ import annotations
 
@@ -39,12 +39,29 @@ from pipeline.search.terms import End, Range
 
 
 class Plate(Frozen):
-    """A touch plate: zone, pillars, array, and what is asked of it; it never changes, `with_` makes another one.
+    """A touch plate with its active zone, pillars and settings; immutable, `with_` returns a changed copy.
 
-    Keywords are the tables of a case file (Zone, Pillar, Array, Solve, BandPath, Damping, Patches, Scatter, Finger, or
-    plain dictionaries), the plate's thickness in mm, and a material by its name or by young_GPa, density_kg_m3 and poisson.
-    Raises InputError with one line for every fault.
+    Every question is a method: `predesign`, `modes`, `bands`, `response` and so on.
 
+    Parameters
+    ----------
+    name : str
+        Name of the case.
+    material : str or dict
+        Material by its name, or by young_GPa, density_kg_m3 and poisson.
+    thickness_mm : float, optional
+        Thickness of the plate in mm.
+    zone, pillar, tip, array, solve, bands, damping, patches, tolerance, touch : optional
+        Tables of a case file, as Zone, Pillar, Tip, Array, Solve, BandPath, Damping, Patches, Scatter, Finger or plain
+        dictionaries, in the units of their keys.
+
+    Raises
+    ------
+    InputError
+        With one line for every fault of the case.
+
+    Examples
+    --------
     >>> from antinode import Plate, Zone
     >>> plate = Plate(thickness_mm=2.0, zone=Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8))
     >>> round(plate.predesign().zone_hz / 1e3, 1)
@@ -86,12 +103,12 @@ class Plate(Frozen):
 
     @property
     def case(self) -> Case:
-        """The case in SI units, as the command line reads it."""
+        """The validated case, in SI units."""
         return self._case
 
     @property
     def source(self) -> Path | None:
-        """The case file that the plate was read from."""
+        """Path of the case file, None for a plate built in Python."""
         return self._source
 
     @property
@@ -100,11 +117,26 @@ class Plate(Frozen):
         return self._case.name
 
     def with_(self, **changes: Any) -> Plate:
-        """Return another plate with changed keys: the last part of a key where the case has it once, else table__key.
+        """Return a copy of the plate with changed keys.
 
-        A table's own name takes the whole table, or None to leave it out. Raises InputError for an unknown or
-        ambiguous name, and for a value that the key cannot have.
+        Parameters
+        ----------
+        **changes
+            Keys with their new values: the last part of a key if only one table has it, else table__key. The name of a
+            table replaces the whole table; None removes it.
 
+        Returns
+        -------
+        Plate
+            The changed plate.
+
+        Raises
+        ------
+        InputError
+            For an unknown or ambiguous name, or an invalid value.
+
+        Examples
+        --------
         >>> from antinode import Damping, load
         >>> other = load("examples/small.toml").with_(pitch_mm=5.0, damping=Damping(quality=200.0))
         >>> other.to_dict()["array"]["pitch_mm"], other.to_dict()["damping"]
@@ -113,8 +145,10 @@ class Plate(Frozen):
         return Plate._of(changed(self._raw, changes), self._source)
 
     def to_dict(self) -> dict[str, Any]:
-        """The tables of the case as its file has them, a copy, in the file's units.
+        """Return a copy of the case's tables, in the units of the case file.
 
+        Examples
+        --------
         >>> import antinode
         >>> antinode.load("examples/small.toml").to_dict()["plate"]
         {'thickness_mm': 2.0}
@@ -166,12 +200,28 @@ class Plate(Frozen):
     def explore(
         self, path: str | Path | None = None, *, port: int = 0, browser: bool = True, progress: bool | None = None
     ) -> None:
-        """Open a page on which the design is dragged, in mm, and answers at once: serve it until interrupted, or write it.
+        """Open the explorer, a page that recomputes the design at once while its sizes in mm are dragged.
 
-        path: one file that answers in the browser alone; None: serve the page.
-        port: on this machine's loopback address (0: a free one). The page's model takes some minutes to make and is kept.
-        Raises InputError without a square pillar, plate and zone.
+        Preparing its reduced bases takes some minutes the first time; they are stored and used again.
 
+        Parameters
+        ----------
+        path : str or Path, optional
+            Write a single file that needs no server; by default the page is served until interrupted.
+        port : int
+            Port on the loopback address of this machine; 0 picks a free one.
+        browser : bool
+            Whether to open the page in the browser.
+        progress : bool, optional
+            Whether to report progress on standard error; by default in a terminal or a notebook.
+
+        Raises
+        ------
+        InputError
+            If the case lacks a plate, a zone or a square pillar.
+
+        Examples
+        --------
         >>> from pathlib import Path
         >>> from tempfile import mkdtemp
         >>> from antinode import load
@@ -191,12 +241,12 @@ class Plate(Frozen):
         serve(Server(explorer), port, lambda address: explore.opened(address, browser))
 
     def _log(self, progress: bool | None) -> TerminalLog:
-        """A log of a computation. What is doubtful of the plate is said."""
+        """Return the log of a computation, after warning of implausible values of the case."""
         log = log_of(progress)
         warn_of_doubts(self._case.design, log)
         return log
 
-    if not TYPE_CHECKING:  # questions that other modules define have no line here
+    if not TYPE_CHECKING:  # questions defined in other modules are found by name
 
         def __getattr__(self, name: str) -> Any:
             if name.startswith("_") or name not in registered():
@@ -207,7 +257,7 @@ class Plate(Frozen):
             return sorted({*super().__dir__(), *registered()})
 
     def _repr_html_(self) -> str:
-        """The plate in words and as a labelled sketch, for a notebook; words alone where it has no zone."""
+        """Text and labelled sketch of the plate for a notebook; text alone without a zone."""
         from pipeline.records.record import DesignRecord
         from pipeline.report.gallery import sketch
 
@@ -228,8 +278,27 @@ class Plate(Frozen):
 
 
 def load(path: str | Path, **overrides: Any) -> Plate:
-    """Read a case file, with keys changed as by `Plate.with_`. Raises InputError with one line for every fault.
+    """Read a case file.
 
+    Parameters
+    ----------
+    path : str or Path
+        The case file (TOML).
+    **overrides
+        Changed keys, as in `Plate.with_`.
+
+    Returns
+    -------
+    Plate
+        The plate of the case.
+
+    Raises
+    ------
+    InputError
+        With one line for every fault of the file.
+
+    Examples
+    --------
     >>> from antinode import load
     >>> load("examples/small.toml", rows=2).to_dict()["array"]["rows"]
     2
@@ -239,7 +308,7 @@ def load(path: str | Path, **overrides: Any) -> Plate:
 
 
 def changed(raw: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """Tables of a case with keys, or whole tables, changed as Plate.with_ says."""
+    """Return the tables of a case with keys or whole tables changed, as in Plate.with_."""
     tables = {name: value for name, value in changes.items() if name in TABLES and not isinstance(value, str)}
     kept = {key: value for key, value in raw.items() if key not in tables}
     whole = kept | {name: plain(value) for name, value in tables.items() if value is not None}
@@ -248,7 +317,7 @@ def changed(raw: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """A value as a parsed case file holds it: tuples and arrays are lists, numpy's scalars numbers, and no key is None."""
+    """Convert a value to the types of a parsed case file: tuples and arrays to lists, numpy scalars to numbers; drop None."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, dict):
@@ -257,7 +326,7 @@ def plain(value: Any) -> Any:
 
 
 def key_of(name: str, tables: Iterable[str] = ()) -> str:
-    """The dotted key that a keyword stands for; of several tables that have it the one that the case has (`tables`)."""
+    """Return the dotted key of a keyword; if several tables have the key, that of the table in the case (`tables`)."""
     table, _, last = name.partition("__")
     if last:
         return f"{table}.{last}"
@@ -269,17 +338,19 @@ def key_of(name: str, tables: Iterable[str] = ()) -> str:
         return f"{here[0]}.{name}"
     if owners:
         listed = ", ".join(f"{owner}__{name}" for owner in owners)
-        raise InputError(f"{name}: stands in several tables; write one of {listed}")
+        raise InputError(f"{name}: several tables have this key; write one of {listed}")
     known = sorted({field for schema in TABLES.values() for field in schema.model_fields})
     raise InputError(f"{name}: no such key{nearest(name, known)}")
 
 
-class Caution(UserWarning):
-    """Something to know before believing the numbers, as a Python warning: its name, then its text.
+class AntinodeWarning(UserWarning):
+    """Warning of a computation whose numbers need care; the message is the warning's id, a colon and its text.
 
+    Examples
+    --------
     >>> import antinode, warnings
     >>> with warnings.catch_warnings(record=True) as seen:
-    ...     warnings.simplefilter("always", antinode.Caution)  # "error" would stop the script
+    ...     warnings.simplefilter("always", antinode.AntinodeWarning)  # "error" would stop the script
     ...     modes = antinode.load("examples/small.toml", accuracy=0.1).modes((20.0, 21.0), part="pillar")
     >>> str(seen[0].message).partition(" lies")[0]
     'NO_MODES: no mode of the pillar'
@@ -287,13 +358,13 @@ class Caution(UserWarning):
 
 
 class _Log(TerminalLog):
-    """Progress on standard error where it is asked for; warnings as Python's own."""
+    """Progress on standard error, warnings as Python warnings."""
 
     def warning(self, id: str, text: str) -> None:
-        warnings.warn(f"{id}: {text}", Caution, stacklevel=2)
+        warnings.warn(f"{id}: {text}", AntinodeWarning, stacklevel=2)
 
 
 def log_of(progress: bool | None) -> TerminalLog:
-    """A log that is quiet unless progress is asked for; None: shown in a terminal or a notebook."""
+    """Return a log that shows progress if asked; None shows it in a terminal or a notebook."""
     shown = sys.stderr.isatty() or "ipykernel" in sys.modules if progress is None else progress
     return _Log(quiet=not shown)

@@ -1,4 +1,4 @@
-"""Sweeps: one plate over a grid of values, computed by the batch engine in the caller's process, resumable."""
+"""Resumable sweeps of one plate over a grid of values, run by the batch engine in the caller's process."""
 
 from __future__ import annotations
 
@@ -35,18 +35,29 @@ if TYPE_CHECKING:
 
 R = TypeVar("R", bound=Result)
 NUMBERS = (int, float)
-FILES = {"file", "sweep", "map"}  # keys of a case that name one
+FILES = {"file", "sweep", "map"}  # keys of a case that name a file
 VERDICTS = {"yes": True, "no": False, "true": True, "false": False}
 STUDY, TABLE = "study.toml", "table.csv"
 
 
 class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
-    """One row a case: swept keys and measures by their columns of table.csv; None where a measure has no meaning. Errors are
-    shares of 1, verdicts are True or False.
+    """Table of a sweep, a sequence of one mapping per case from the columns of table.csv to values.
 
-    `folder` holds every case's record, run.mess and arrays, the table as table.csv, and the study as study.toml. Units
-    stand in the columns' names; the page of columns in the documentation says what each one is.
+    The swept keys come first, then the measures; None marks a measure that does not apply. The names of the columns give
+    their units, and the documentation's page of columns describes each. Relative errors are fractions of 1; verdicts are
+    True or False. `folder` holds the record, run.mess and arrays of every case, table.csv and study.toml.
 
+    Parameters
+    ----------
+    rows : sequence of dict
+        Values by column, one dictionary per case.
+    folder : str or Path
+        Folder of the study.
+    swept : sequence of str
+        The swept keys, such as array.rows.
+
+    Examples
+    --------
     >>> import antinode
     >>> table = antinode.SweepTable([{"array.rows": 1, "confinement_db": 8.6}], "sweep", ("array.rows",))
     >>> len(table), table[0]["confinement_db"], table.to_dict()["array.rows"]
@@ -58,7 +69,7 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
 
     @property
     def folder(self) -> Path:
-        """Where every case's record lies."""
+        """Folder of the cases' records."""
         return self._folder
 
     @property
@@ -82,9 +93,22 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
         return tuple(self._rows[0]) if self._rows else ()
 
     def of(self, kind: type[R]) -> list[R | None]:
-        """The whole results of a kind, such as antinode.Bands, one a case; None where a case has none.
+        """Return the full results of a kind.
 
-        Raises InputError for a table without records in its folder.
+        Parameters
+        ----------
+        kind : type
+            Class of the result, such as antinode.Bands.
+
+        Returns
+        -------
+        list
+            One result per case, None for a case without one.
+
+        Raises
+        ------
+        InputError
+            If the folder holds no records.
         """
         try:
             stored = {case.case_id: case.record for case in read_study(self.folder).cases}
@@ -93,11 +117,11 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
         return [stored[row["case"]].of(kind) for row in self._rows]
 
     def to_dataframe(self) -> Any:
-        """The table as a pandas DataFrame. Raises ImportError without pandas."""
+        """Return the table as a pandas DataFrame. Raises ImportError without pandas."""
         return frame(self._rows)
 
     def to_xarray(self) -> Any:
-        """The table as an xarray Dataset over the swept keys, or over `case` where they are no grid.
+        """Return the table as an xarray Dataset over the swept keys, or over `case` if their values form no full grid.
 
         Raises ImportError without pandas and xarray (`pip install 'antinode[tables]'`).
         """
@@ -105,24 +129,41 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
         return dataset(self._rows, self.swept if self.swept and is_grid else ("case",))
 
     def to_dict(self) -> dict[str, list[Any]]:
-        """Columns as lists."""
+        """Return the columns as lists, by name."""
         return {name: [row[name] for row in self._rows] for name in self.columns}
 
     def save(self, path: str | Path) -> Path:
-        """Write the table as CSV with the columns of table.csv, whole or not at all."""
+        """Write the table atomically as CSV with the columns of table.csv; return its path."""
         write_file(Path(path), csv_bytes(self.columns, [[*row.values()] for row in self._rows]))
         return Path(path)
 
     def plot(self, ax: Axes | None = None, *, column: str = "confinement_db", over: str | None = None) -> Axes:
-        """Draw a column over a swept key (default: the first), a line for each value of the others; return the axes.
+        """Draw a column over a swept key, with one line for each combination of the other keys.
 
-        Raises InputError for a column that the table has not.
+        Parameters
+        ----------
+        ax : Axes, optional
+            Axes to draw in; new ones by default.
+        column : str
+            Column to draw, in the unit of its name.
+        over : str, optional
+            Swept key on the horizontal axis, the first by default.
+
+        Returns
+        -------
+        Axes
+            The axes.
+
+        Raises
+        ------
+        InputError
+            For a column that the table does not have.
         """
         from pipeline.plots import style
 
         over = over or (self.swept or ("case",))[0]
         if missing := {column, over} - set(self.columns):
-            raise InputError(f"{', '.join(sorted(missing))}: no such column; there are {', '.join(self.columns)}")
+            raise InputError(f"{', '.join(sorted(missing))}: no such column; choose from {', '.join(self.columns)}")
         lines: dict[str, list[tuple[Any, Any]]] = {}
         for row in self._rows:
             name = ", ".join(f"{key.partition('.')[2]} {row[key]}" for key in self.swept if key != over)
@@ -137,7 +178,7 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
         return drawn
 
     def _repr_html_(self) -> str:
-        """The swept keys and the columns that answer first, for a notebook; every column is in `columns`."""
+        """Table of the swept keys and main columns for a notebook; `columns` names all."""
         from pipeline.records.tables import MAIN
 
         shown = [name for name in self.columns if name in MAIN or name in self.swept] or self.columns
@@ -158,36 +199,37 @@ def sweep(
     progress: bool | None = None,
     **values: Iterable[Any],
 ) -> SweepTable:
-    """Compute a plate over a full grid of values and return the table; what its folder holds already is not computed again.
+    """Compute a plate over a grid of values; cases already stored in the folder are not computed again.
 
     Parameters
     ----------
-    plate
-        The plate that is varied.
-    measure
-        Measures of a study by their names, or results by their class, such as antinode.Bands.
-    folder
-        Where records, table and study go; results/NAME-sweep by default.
-    jobs
-        Worker processes; one per core by default. They never run the caller's script.
-    zip
-        Whether the values are paired instead of a full grid.
-    progress
-        Whether to report on standard error; None: in a terminal or a notebook.
+    plate : Plate
+        The plate to vary.
+    measure : sequence of str or type
+        Measures of a study by name, or results by class, such as antinode.Bands.
+    folder : str or Path, optional
+        Folder for records, table and study; results/NAME-sweep by default.
+    jobs : int, optional
+        Number of worker processes, one per core by default. They never run the caller's script.
+    zip : bool
+        Whether to pair the values instead of combining them in a full grid.
+    progress : bool, optional
+        Whether to report progress on standard error; by default in a terminal or a notebook.
     **values
-        Keys as in `Plate.with_`, each with its values.
+        Keys as in `Plate.with_`, each with its values in the unit of the key.
 
     Returns
     -------
     SweepTable
-        One row a case. A case that failed, or whose process died, has its diagnosis there, and an `antinode.Caution` names it.
+        One row per case. The row of a case that failed, or whose process died, holds its diagnosis, and an
+        `antinode.AntinodeWarning` names the case.
 
     Raises
     ------
     InputError
-        For values that cannot be, before anything is computed.
+        For invalid values, before anything is computed.
     CheckFailed
-        Where no case gave an answer.
+        If every case failed.
 
     Examples
     --------
@@ -223,7 +265,7 @@ def sweep(
 
 
 def _study(plate: Plate, place: Path, measure: list[str], paired: bool, values: dict[str, Iterable[Any]]) -> StudyFile:
-    """The study; its files stand in the folder, where the workers read the case and `antinode run` takes both."""
+    """Write the files of the study to the folder, for the workers and for `antinode run`, and return it."""
     import tomli_w
 
     from pipeline.batch.study_file import study_of
@@ -240,7 +282,7 @@ def _study(plate: Plate, place: Path, measure: list[str], paired: bool, values: 
 
 
 def _stored(place: Path, swept: Sequence[str]) -> SweepTable:
-    """The table of what a folder holds."""
+    """Return the table of the records in a folder."""
     from pipeline.questions import study as asked
 
     study = read_study(place)
@@ -250,10 +292,25 @@ def _stored(place: Path, swept: Sequence[str]) -> SweepTable:
 
 
 def open(path: str | Path) -> Result | SweepTable:
-    """Read a result that `save` or `--json` wrote, or the table of a study or a sweep by its folder or its CSV file.
+    """Read a stored result, or the table of a study or a sweep.
 
-    Raises InputError for a file that holds none.
+    Parameters
+    ----------
+    path : str or Path
+        JSON file written by `save` or `--json`, a study's folder, or its CSV table.
 
+    Returns
+    -------
+    Result or SweepTable
+        The result, of the class that the file names, or the table.
+
+    Raises
+    ------
+    InputError
+        If the path holds no result and no table.
+
+    Examples
+    --------
     >>> import antinode, tempfile
     >>> file = f"{tempfile.mkdtemp()}/sizes.json"
     >>> antinode.open(antinode.load("examples/small.toml").predesign().save(file)).zone_hz > 33e3
@@ -292,7 +349,7 @@ def _kind(document: dict[str, Any]) -> str | None:
 
 
 def read_table(file: Path, swept: Sequence[str] | None = None) -> SweepTable:
-    """The table of a study; swept: its keys (default: columns named TABLE.KEY). Raises InputError where there is none."""
+    """Read the CSV table of a study; swept: its keys (default: columns named TABLE.KEY). Raises InputError without one."""
     try:
         lines = csv.DictReader(io.StringIO(file.read_text(encoding="utf-8")))
         rows = [{name: cell if name == "case" else _value(cell) for name, cell in line.items()} for line in lines]
@@ -302,12 +359,12 @@ def read_table(file: Path, swept: Sequence[str] | None = None) -> SweepTable:
     if "wanted_status" in names:
         raise InputError(f"{file}: {store.EARLIER}")
     if "case" not in names:
-        raise InputError(f"{file}: holds no table of a study: it has no column `case`")
+        raise InputError(f"{file}: holds no table of a study: the column `case` is missing")
     return SweepTable(rows, file.parent, [name for name in names if "." in name] if swept is None else swept)
 
 
 def _value(cell: str | None) -> Any:
-    """A cell of a file as a value."""
+    """Convert a cell of a file to a value."""
     for kind in NUMBERS if cell else ():
         with suppress(ValueError):
             return kind(cell)  # type: ignore[arg-type]
@@ -315,7 +372,7 @@ def _value(cell: str | None) -> Any:
 
 
 def _known(value: Any) -> Any:
-    """A value: None for an empty text, verdicts as True or False, lists as the file has them."""
+    """Convert an empty text to None and verdicts to True or False; leave lists as they are."""
     if isinstance(value, str):
         return VERDICTS.get(value.lower(), value or None)
     return str(value) if isinstance(value, list) else value

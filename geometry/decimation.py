@@ -1,4 +1,4 @@
-"""Surfaces for showing: the outer surface of a body put together from parts, and coarser triangulations of it."""
+"""Surfaces to display: the outer surface of a body assembled from parts, and coarser triangulations of it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 # -- coarser surfaces --------------------------------------------------------------------------------------------------
-# A coarser surface for showing on a page: vertices clustered on a grid, edges and corners of the body kept
+# A coarser surface to display on a page: vertices clustered on a grid, edges and corners of the body kept
 # (rossignac1993).
 
 SAME = 1e-6  # of the body's size: vertices closer together are one
@@ -92,7 +92,7 @@ def _area(points: FloatArray, facets: IntArray) -> float:
 
 
 def _sharpness(points: FloatArray, facets: IntArray) -> FloatArray:
-    """How far the facets at each point are from one plane: 0 on a flat, more on an edge or a rim, most in a corner."""
+    """Deviation of the facets at each point from one plane: 0 on a flat, more on an edge or a rim, most in a corner."""
     corners = points[facets]
     normal = _unit(np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1]))
     spread = np.zeros((len(points), 3, 3))
@@ -107,7 +107,7 @@ def _sharpness(points: FloatArray, facets: IntArray) -> FloatArray:
 
 
 def _rim(facets: IntArray) -> tuple[IntArray, IntArray]:
-    """Edges (e, 2) that one facet alone has, and which facet that is: where an open surface ends."""
+    """Edges (e, 2) that belong to a single facet, and that facet: the boundary of an open surface."""
     count = facets.shape[1]
     edges = np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1).reshape(-1, 2).astype(np.int64)
     low, high = edges.min(axis=1), edges.max(axis=1)
@@ -145,8 +145,7 @@ def _joined(facets: IntArray) -> IntArray:
 
 
 # -- one closed surface ------------------------------------------------------------------------------------------------
-# The outer surface of a body put together from parts: points in one place made one, faces inside left out, edges
-# joined.
+# The outer surface of a body assembled from parts: coincident points merged, internal faces removed, edges joined.
 
 WELD = 1e-6  # of the body's size: points closer together are one
 ON_EDGE = 1e-4  # of an edge's length: a vertex so near lies on it
@@ -169,7 +168,7 @@ def closed_surface(points: FloatArray, facets: IntArray, thickness_m: float | No
 
 
 def _inside(facets: IntArray) -> BoolArray:
-    """Which facets share all of their corners with another one, (f,)."""
+    """Mask of the facets that share all of their corners with another one, (f,)."""
     _, which, times = np.unique(np.sort(facets, axis=1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(times[which.ravel()] > 1)
 

@@ -249,9 +249,11 @@ KINDS: dict[str, type[Element]] = {kind.kind: kind for kind in (Hexahedron, Tetr
 
 @lru_cache(maxsize=16)
 def element(kind: str, order: int) -> Element:
-    """The reference element of a mesh. Raises ValueError for what is not offered."""
+    """The reference element of a kind and order. Raises ValueError for one that does not exist."""
     if kind not in KINDS or not 1 <= order <= (4 if kind == "hex" else 2):
-        raise ValueError(f"no {kind} element of order {order}: hex has 1 to 4; tet, wedge and pyramid have 1 and 2")
+        raise ValueError(
+            f"no {kind} element of order {order}: hex has orders 1 to 4; tet, wedge and pyramid have 1 and 2"
+        )
     return KINDS[kind](order)
 
 

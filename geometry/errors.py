@@ -1,13 +1,13 @@
-"""What geometry raises."""
+"""Exceptions of the geometry."""
 
 
 class GeometryError(ValueError):
-    """A shape that cannot be built or is not what it claims to be (an open STEP file, an empty solid)."""
+    """Raised for a shape that cannot be built, or that is not a single closed solid (an open STEP file, an empty solid)."""
 
 
 class MeshFileError(GeometryError):
-    """A mesh file that is not what it claims to be, or holds what cannot serve."""
+    """Raised for a mesh file that cannot be read, or whose content cannot be used."""
 
 
 class MeshError(RuntimeError):
-    """A mesh that failed its checks; the message names the worst element."""
+    """Raised for a mesh that fails its checks; the message names the worst element."""

@@ -1,8 +1,8 @@
-"""The one way in which a file is written: whole or not at all, over what stands at its place without harming it.
+"""Atomic writing: a file appears whole or not at all, and a failure leaves the existing file unchanged.
 
-A regular file is written beside its place and renamed over it, with the mode and owner of the file that it replaces. A
-symbolic link is followed. What is no regular file (a FIFO, a device, an open descriptor such as /dev/stdout or that of a
-process substitution) is written through. A file that the running command reads is never written.
+A regular file is written under a temporary name in the same folder and then renamed, with the mode and owner of the file
+that it replaces. Symbolic links are followed. Anything but a regular file (a FIFO, a device, an open descriptor such as
+/dev/stdout or that of a process substitution) is written directly. A file that the running command reads is never written.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _inputs: ContextVar[list[Path] | None] = ContextVar("inputs", default=None)
 
 
 class UnwritableError(OSError):
-    """A place that no file can be written to; the message names it and says why."""
+    """Raised for a path that no file can be written to; the message gives the path and the reason."""
 
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
-    """What `read_by_command` names within the block is not written until the block ends."""
+    """Protect the files that `read_by_command` names within the block from being written until the block ends."""
     token = _inputs.set([])
     try:
         yield
@@ -64,7 +64,7 @@ def open_descriptor(path: FilePath) -> int | None:
 
 
 def obstacle(path: FilePath) -> str | None:
-    """Why no file can be written to this place, in a few words; None when one can."""
+    """Reason why no file can be written to this path, in a few words; None if one can."""
     descriptor = open_descriptor(path)
     try:
         status = Path(path).stat() if descriptor is None else os.fstat(descriptor)
@@ -82,13 +82,13 @@ def obstacle(path: FilePath) -> str | None:
     if stat.S_ISSOCK(status.st_mode):
         return "it is a socket, not a file"
     if _is_input(status):
-        return "this command reads it, and what a command reads is never overwritten; name another file"
+        return "this command reads it, and inputs are never overwritten; name another file"
     return None if os.access(path, os.W_OK) else os.strerror(errno.EACCES)
 
 
 def _folder_obstacle(folder: Path) -> str | None:
     if not folder.exists():
-        return f"there is no folder {folder}; make it first"
+        return f"there is no folder {folder}; create it first"
     if not folder.is_dir():
         return f"{folder} is not a folder"
     return None if os.access(folder, os.W_OK | os.X_OK) else f"the folder {folder} cannot be written to"

@@ -1,4 +1,4 @@
-"""Fingertips pressed on a vibrating plate, as mechanical impedances of their contact, in SI; a source beside every value."""
+"""Fingertips pressed on a vibrating plate, as mechanical impedances of their contact in SI, each value with its source."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from geometry.errors import GeometryError
 
 @dataclass(frozen=True)
 class Fingertip:
-    """What a contact answers to normal motion: Z = c + specific A + j (omega m - k/omega), force over velocity, N s/m.
+    """Mechanical impedance of a contact to normal motion: Z = c + specific A + j (omega m - k/omega), force/velocity, N s/m.
 
     stiffness_n_m k, damping_n_s_m c and mass_kg m are the whole contact's, specific_n_s_m3 is a resistance per area.
     Raises GeometryError for a negative value.
@@ -29,11 +29,11 @@ class Fingertip:
 
     @property
     def is_nothing(self) -> bool:
-        """Whether it leaves a plate as it is: no stiffness, no damping, no mass."""
+        """Whether it has no effect on a plate: no stiffness, no damping, no mass."""
         return not (self.stiffness_n_m or self.damping_n_s_m or self.mass_kg or self.specific_n_s_m3)
 
     def resistance_n_s_m(self, area_m2: float) -> float:
-        """Real part of the impedance of a contact of this area, N s/m: it takes power."""
+        """Real part of the impedance of a contact of this area, N s/m, which dissipates power."""
         return self.damping_n_s_m + self.specific_n_s_m3 * area_m2
 
     def impedance_n_s_m(self, frequency_hz: float, area_m2: float) -> complex:
@@ -48,7 +48,7 @@ FINGERTIPS: dict[str, Fingertip] = {
         Fingertip(
             "finger",
             damping_n_s_m=55.0,
-            source="monnoyer2017: about 55 N s/m of those who felt an ultrasonic switch clearly, others lay above and "
+            source="monnoyer2017: about 55 N s/m for people who felt an ultrasonic switch clearly, others lay above and "
             "below; the phase is unknown in what could be read of it, all of it is taken as resistance",
         ),
         Fingertip(

@@ -54,7 +54,7 @@ class Path:
         return self.wavevectors[[segment.last for segment in self.segments]]
 
     def finer(self, factor: int) -> Path:
-        """The same path with every interval cut into `factor`: its every factor-th wavevector is one of ours, unchanged."""
+        """Return the path with every interval cut into `factor`; every factor-th wavevector is one of this path, unchanged."""
         k = self.wavevectors
         share = np.arange(1, factor)[:, None] / factor
         vectors, labels = [k[:1]], list(self.labels[:1])
@@ -99,7 +99,7 @@ class Lattice:
 
     @property
     def vectors_m(self) -> FloatArray:
-        """Lattice vectors, one a row, (2, 2), m."""
+        """Lattice vectors as rows, (2, 2), m."""
         return np.array([self.a1_m, self.a2_m])
 
     @property
@@ -114,7 +114,7 @@ class Lattice:
 
     @cached_property
     def reciprocal_per_m(self) -> FloatArray:
-        """Reciprocal vectors, one a row, (2, 2), rad/m: b_i . a_j = 2 pi where i = j, else 0."""
+        """Reciprocal vectors as rows, (2, 2), rad/m: b_i . a_j = 2 pi where i = j, else 0."""
         (x1, y1), (x2, y2) = self.a1_m, self.a2_m
         return 2.0 * np.pi * np.array([[y2, -x2], [-y1, x1]]) / self.area_m2 + 0.0
 
@@ -218,7 +218,7 @@ class Lattice:
         """
         names = labels_of(labels)
         if "".join(names) != labels or {*names} - {*self.high_symmetry} or len(names) < 2:
-            raise ValueError(f"path '{labels}': corners are {', '.join(self.high_symmetry)}, at least two of them")
+            raise ValueError(f"path '{labels}': needs at least two of the corners {', '.join(self.high_symmetry)}")
         return Path(np.array([self.high_symmetry[name] for name in names]), names).finer(points)
 
     def grid(self, intervals: int, mirrors: Collection[str]) -> FloatArray:
@@ -233,7 +233,7 @@ class Lattice:
 
 
 def _lie_in(places: FloatArray, normals: FloatArray, bounds: FloatArray) -> BoolArray:
-    """Which places (n, 2) lie in the polygon normals.k <= bounds or on its border, (n,)."""
+    """Mask of the points (n, 2) in the polygon normals.k <= bounds or on its border, (n,)."""
     room = SAME * np.outer(np.linalg.norm(places, axis=1), np.linalg.norm(normals, axis=1))
     return np.asarray((places @ normals.T <= bounds + room).all(axis=1))
 

@@ -1,4 +1,4 @@
-"""Where zone, pillars, plate edges and piezo patches stand: arrays and boxes only, no CAD.
+"""Positions of zone, pillars, plate edges and piezo patches: arrays and boxes only, no CAD.
 
 Axes: x along the zone, y across, z = 0 the touch face, pillars on z = thickness, origin at the plate's centre.
 """
@@ -17,12 +17,12 @@ from geometry.lattice import Lattice
 from geometry.materials import Material, PiezoMaterial, Stack
 from geometry.pillar_shapes import PillarShape, shape_of
 
-SHORT = 2.0  # thicknesses in half a wave: there thin-plate theory lies 45 % high, Mindlin's some percent
+SHORT = 2.0  # half-wavelength over thickness: there thin-plate theory is 45 % too high, Mindlin's a few percent
 ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fractions say
 
 
 def half_wavelength_m(length_m: float, nodal_lines: int) -> float | None:
-    """Half a wave of the free-free beam shape with N nodal lines along a length L: L/(N - 1/2), m; None for rigid shapes.
+    """Half-wavelength of the free-free beam shape with N nodal lines along a length L: L/(N - 1/2), m; None for rigid shapes.
 
     cosh kL cos kL = 1 has its roots at kL = (N - 1/2) pi, to 0.4 % at N = 2 and better beyond: the free ends take half a
     half-wave less than N. What is counted by lines, such as elements, goes by L/N.
@@ -73,7 +73,7 @@ class Pillar:
 
     @property
     def form(self) -> PillarShape:
-        """The shape with its sizes: what everything that depends on it asks. GeometryError for an unknown name."""
+        """The shape with its sizes. Raises GeometryError for an unknown name."""
         return shape_of(self.shape, self.base_m, self.tip_m, self.more_m, self.file)
 
     @property
@@ -93,7 +93,7 @@ class Pillar:
 
     @property
     def reach_m(self) -> tuple[float, float]:
-        """How far the pillar extends along x and y at any height, fillet and heavy tip included, m."""
+        """Extent of the pillar along x and y at any height, fillet and heavy tip included, m."""
         x, y = self.form.reach_m(self.fillet_m)
         side = self.tip.side_m if self.tip else 0.0
         return max(x, side), max(y, side)
@@ -120,7 +120,7 @@ class Pillar:
 
     @property
     def is_plain(self) -> bool:
-        """True when the pillar can grow as a whole and hexahedra follow it: what PLAIN says."""
+        """True when the pillar can grow as a whole and hexahedra follow it, as PLAIN describes."""
         return self.form.grows and not self.fillet_m and self.tip is None and self.faces == 1
 
     @property
@@ -130,7 +130,7 @@ class Pillar:
 
     @property
     def is_square_prism(self) -> bool:
-        """True when the pillar is a single box on a square foot: what varies from pillar to pillar, and what was calibrated."""
+        """True when the pillar is a single box on a square foot: only such pillars can be varied, or were calibrated."""
         return self.form.is_square_prism and self.fillet_m == 0.0 and self.tip is None
 
     @property
@@ -140,7 +140,7 @@ class Pillar:
         return tuple(name for name in self.form.mirrors if all(name in law.mirrors for law in laws))
 
     @property
-    def is_own_image(self) -> bool:
+    def is_symmetric(self) -> bool:
         """True when the pillar is its own mirror image in x and y."""
         return {"x", "y"} <= {*self.mirrors}
 
@@ -172,7 +172,7 @@ def region_materials(stack: Stack, pillar: Pillar | None) -> dict[str, Material]
 
 
 @dataclass(frozen=True)
-class Stand:
+class PillarGroup:
     """Equal pillars and where they stand: centres (n, 2), m."""
 
     pillar: Pillar
@@ -181,11 +181,11 @@ class Stand:
 
 @dataclass(frozen=True)
 class Design:
-    """The plate as built: zone, pillar rows on both sides, passive extension. Lengths in m.
+    """The plate as built: zone, pillar rows on both sides, passive margin. Lengths in m.
 
-    Where rows differ, `graded` and `graded_pitches_m` hold one entry a row from the zone outwards, a row standing in the
+    Where rows differ, `graded` and `graded_pitches_m` hold one entry per row from the zone outwards, a row standing in the
     middle of a strip as wide as its pitch; pillar and pitch_y_m are then the first row's. Empty, all rows are alike.
-    With `stagger` every other row, from the second on, stands half a pitch along x beside its neighbours.
+    With `stagger` every other row, from the second on, is shifted by half a pitch along x.
     `zones` of equal size lie side by side along y, centred, zone_gap_m between their borders; `shared_rows` stand in each gap,
     the nearer half of them at either border. Width is one zone's, `rows` those beyond the outer zones.
     """
@@ -214,7 +214,7 @@ class Design:
 
     @property
     def is_staggered(self) -> bool:
-        """Whether a row stands beside its neighbours."""
+        """Whether rows are shifted relative to their neighbours."""
         return self.stagger and self.rows > 1
 
     @property
@@ -258,7 +258,7 @@ class Design:
         return np.array(self.graded_pitches_m) if self.graded_pitches_m else np.full(self.rows, self.pitch_y_m)
 
     def of_row(self, row: int) -> Design:
-        """The same plate with every row like row `row`, counted from 0 at the zone."""
+        """Return the plate with every row like row `row`, counted from 0 at the zone."""
         pillar = self.row_pillars[row] if self.row_pillars else None
         return replace(
             self, pillar=pillar, pitch_y_m=float(self.row_pitches_m[row]), graded=(), graded_pitches_m=(), stagger=False
@@ -271,7 +271,7 @@ class Design:
 
     @property
     def half_wavelength_m(self) -> float | None:
-        """Half a wave of the target mode along the zone, m; None for rigid shapes."""
+        """Half-wavelength of the target mode along the zone, m; None for rigid shapes."""
         return half_wavelength_m(self.length_m, self.nodal_lines)
 
     @property
@@ -281,7 +281,7 @@ class Design:
 
     @property
     def is_short_wave(self) -> bool:
-        """Whether half a wave of the target mode is shorter than SHORT thicknesses: no plate theory describes it."""
+        """Whether the target mode's half-wavelength is below SHORT thicknesses, where no plate theory holds."""
         return (self.half_wavelength_m or self.width_m) < SHORT * self.thickness_m
 
     @property
@@ -324,7 +324,7 @@ class Design:
     def is_mirrored(self) -> bool:
         """True when the plate is its own mirror image in x = 0 and y = 0: its quarter stands for the whole."""
         pillar = self.pillar if self.rows else None
-        return {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_own_image)
+        return {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_symmetric)
 
     @property
     def lattice(self) -> Lattice:
@@ -376,7 +376,7 @@ class Design:
 
     @property
     def row_numbers(self) -> tuple[int, ...]:
-        """Of every row of the plate along y its number from the border of a zone outwards; rows between zones are alike."""
+        """Number of every row along y, counted from the border of a zone outwards; rows between zones are alike."""
         own = tuple(range(len(self.row_pillars)))
         return (*own[::-1], *own[:1] * (self.shared_rows * (self.zones - 1)), *own)
 
@@ -386,11 +386,11 @@ class Design:
         lines = [(self.column_centres(numbers[place]), y[place]) for place in places]
         return np.concatenate([np.empty((0, 2)), *(np.column_stack([x, np.full(len(x), at)]) for x, at in lines)])
 
-    def standing(self) -> tuple[Stand, ...]:
+    def standing(self) -> tuple[PillarGroup, ...]:
         """Every kind of pillar with the centres where it stands."""
         pillars = [self.row_pillars[number] for number in self.row_numbers]
         kinds = {kind: [row for row, pillar in enumerate(pillars) if pillar == kind] for kind in dict.fromkeys(pillars)}
-        return tuple(Stand(kind, self._centres(own)) for kind, own in kinds.items())
+        return tuple(PillarGroup(kind, self._centres(own)) for kind, own in kinds.items())
 
 
 # -- patches -----------------------------------------------------------------------------------------------------------
@@ -404,7 +404,7 @@ class Patches:
     """The bonded patches. Lengths in m; centres from the plate's centre; lengths_m along x, one per patch.
 
     at = "antinodes": numbered along x over the N + 1 antinodes of the shape with N nodal lines, free ends included; the
-    two end patches are cut to what is left beyond their neighbours. sensors: the numbers that listen.
+    two end patches are cut to the space beyond their neighbours. sensors: the numbers of the sensor patches.
     """
 
     material: PiezoMaterial
@@ -415,7 +415,7 @@ class Patches:
     lengths_m: tuple[float, ...]
     sensors: tuple[int, ...]
     drive_v: float
-    circuit: Literal["short", "open"] = "short"  # of those that drive: a voltage holds them, or a charge
+    circuit: Literal["short", "open"] = "short"  # of the actuators: a prescribed voltage or charge
 
     @property
     def count(self) -> int:
@@ -424,7 +424,7 @@ class Patches:
 
     @property
     def drivers(self) -> tuple[int, ...]:
-        """The numbers of the patches that drive."""
+        """The numbers of the actuators."""
         return tuple(i for i in range(self.count) if i not in self.sensors)
 
     def boxes_m(self) -> FloatArray:
@@ -435,7 +435,7 @@ class Patches:
 
 
 def mirrored_axes(boxes_m: FloatArray) -> tuple[bool, bool]:
-    """Along x and y: whether footprints (n, 4) as boxes_m gives them are together their own mirror image."""
+    """Whether footprints (n, 4), as from boxes_m, are together their own mirror image along x and along y."""
     images = -boxes_m[:, [1, 0]], -boxes_m[:, [3, 2]]
     x, y = np.hstack([images[0], boxes_m[:, 2:]]), np.hstack([boxes_m[:, :2], images[1]])
     x_apart, y_apart = (np.abs(boxes_m[:, None] - image[None]).max(axis=2).min(axis=1) for image in (x, y))

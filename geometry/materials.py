@@ -71,7 +71,7 @@ class Material:
     def __post_init__(self) -> None:
         c = np.array(self.stiffness_pa)
         if not (self.density_kg_m3 > 0.0 and (c == c.T).all() and np.linalg.eigvalsh(c)[0] > 0.0):
-            raise GeometryError(f"material {self.name}: density and energy of any strain must be above 0")
+            raise GeometryError(f"material {self.name}: the density, and the energy of any strain, must be above 0")
 
     @classmethod
     def isotropic(
@@ -91,7 +91,7 @@ class Material:
         return cls(name, density_kg_m3, rows_of(stiffness), own, source)
 
     def scaled(self, factor: float) -> Material:
-        """The same law `factor` times as stiff."""
+        """Return the law with its stiffness multiplied by `factor`."""
         stiffness = rows_of(factor * np.array(self.stiffness_pa))
         own = self.constants and replace(self.constants, young_pa=factor * self.constants.young_pa)
         return replace(self, stiffness_pa=stiffness, constants=own)
@@ -100,9 +100,7 @@ class Material:
     def as_isotropic(self) -> Isotropic:
         """Its constants, for theories that hold for isotropic laws alone. GeometryError for any other law."""
         if self.constants is None:
-            raise GeometryError(
-                f"material {self.name}: must be isotropic here; a singular edge or an exact wave needs it"
-            )
+            raise GeometryError(f"material {self.name}: must be isotropic: singular edges and exact waves require it")
         return self.constants
 
     @cached_property
@@ -144,7 +142,7 @@ class Material:
 
     @cached_property
     def plane_stress_pa(self) -> FloatArray:
-        """Stiffness over xx, yy, xy where no stress acts along z: what bends in a plate, shape (3, 3), Pa."""
+        """Plane-stress stiffness over xx, yy, xy, which governs bending, shape (3, 3), Pa."""
         flat = [0, 1, 5]
         return np.asarray(np.linalg.inv(self._compliance[np.ix_(flat, flat)]))
 
@@ -154,7 +152,7 @@ class Material:
         return 1.0 / float(self._compliance[4, 4]), 1.0 / float(self._compliance[3, 3])
 
     def rod(self, axis: int) -> Rod:
-        """What a rod along an axis, 0 to 2, is made of."""
+        """Elastic constants of a rod along an axis, 0 to 2."""
         s, others = self._compliance, [other for other in range(3) if other != axis]
         poisson = -sum(s[axis, other] for other in others) / (2.0 * s[axis, axis])
         shear = 2.0 / sum(s[place, place] for place in VOIGT[axis, others])
@@ -312,7 +310,7 @@ class Stack:
 
     @property
     def thickness_m(self) -> float:
-        """Of all layers, m."""
+        """Thickness of all layers, m."""
         return sum(thickness for _, thickness in self.layers)
 
     @property
@@ -340,7 +338,7 @@ class Stack:
     def material(self) -> Material:
         """Its only material, for what holds for one layer alone. GeometryError for several layers."""
         if len(self.layers) > 1:
-            raise GeometryError(f"a plate of {len(self.layers)} layers: must have one layer here")
+            raise GeometryError(f"a plate of {len(self.layers)} layers: this computation needs a single layer")
         return self.back
 
     @cached_property

@@ -1,4 +1,4 @@
-"""A finite-element mesh with named regions and faces, the checks that let it be believed, and hexahedra cut into tetrahedra."""
+"""A finite-element mesh with named regions and faces, its checks, and hexahedra cut into tetrahedra."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CHUNK = 4096  # elements a time: bounds the memory of a check
 
 
 class _Named:
-    """What meshes of one kind and of several share: counts, and what their names stand for."""
+    """Common part of meshes of one and of several element kinds: counts and named regions and faces."""
 
     nodes: FloatArray
     regions: dict[str, IntArray]
@@ -61,7 +61,7 @@ class _Named:
         return digest.hexdigest()
 
     def _about(self) -> list[bytes]:
-        """What the hash begins with."""
+        """Header of the hash."""
         raise NotImplementedError
 
     def region_of_cells(self) -> dict[str, IntArray]:
@@ -150,7 +150,7 @@ def cell_volumes(mesh: Mesh) -> FloatArray:
 
 
 def is_affine(mesh: Mesh) -> FloatArray:
-    """Which elements map affinely from the reference element, shape (e,) bool."""
+    """Mask of the elements that are affine images of the reference element, shape (e,) bool."""
     if mesh.spans is not None or (mesh.order == 1 and mesh.kind == "tet"):
         return np.ones(len(mesh.cells), dtype=bool)
     corners = mesh.element.points
@@ -163,7 +163,7 @@ def is_affine(mesh: Mesh) -> FloatArray:
 
 @dataclass(frozen=True)
 class MeshReport:
-    """What the checks measured: volumes in m3, the smallest ratio of Jacobian minimum to maximum in an element."""
+    """Results of the checks: volumes in m3, the smallest ratio of Jacobian minimum to maximum in an element."""
 
     cells: int
     nodes: int

@@ -1,4 +1,4 @@
-"""One class a pillar shape: its keys, section, symmetry, solid, rim, outline, volume and printable limits."""
+"""Pillar shapes, one class each: keys, section, symmetry, solid, rim, outline, volume and printable limits."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class Section:
 class PillarShape:
     """A pillar's shape with its sizes in m: width of the foot, of the tip, further sizes by name, the CAD file if any.
 
-    Centred on the z axis, foot on z = 0. `keys` are those of the case file's [pillar] beside height_mm, all of them
-    required, the foot's width first. A shape says its outline and its shear factor; it overrides what does not follow.
+    Centred on the z axis, foot on z = 0. `keys` are those of the case file's [pillar] in addition to height_mm, all of
+    them required, the foot's width first. A shape says its outline and its shear factor; it overrides what does not follow.
     """
 
     width_m: float
@@ -62,7 +62,7 @@ class PillarShape:
     keys: ClassVar[tuple[str, ...]]
     has_height: ClassVar[bool] = True  # given by height_mm; otherwise the shape knows it
     can_have_fillet: ClassVar[bool] = True
-    sizing_note: ClassVar[str] = ""  # what beam theory overlooks
+    sizing_note: ClassVar[str] = ""  # what beam theory neglects
     plan: ClassVar[str] = ""  # how hexahedra follow a foot that boxes cannot: geometry/hex/panels.py
 
     @classmethod
@@ -73,7 +73,7 @@ class PillarShape:
 
     @classmethod
     def size_violations(cls, given: Mapping[str, float]) -> Iterator[tuple[str, str]]:
-        """Sizes in mm (those that are known, fillet_mm too) that do not go together: the key at fault and what is allowed."""
+        """Incompatible sizes among the known ones in mm (fillet_mm too): the key at fault and its limit."""
         yield from ()
 
     def size_m(self, name: str) -> float:
@@ -110,7 +110,7 @@ class PillarShape:
 
     @property
     def mirrors(self) -> tuple[str, ...]:
-        """Mirrors of the pillar: "x" (x -> -x), "y", and "d", which exchanges x and y; told from the outline."""
+        """Mirrors of the pillar: "x" (x -> -x), "y", and "d", which exchanges x and y; derived from the outline."""
         corners = self.outline()
         points = np.vstack([corners, (corners + np.roll(corners, 1, axis=0)) / 2.0])
         return tuple(name for name, mirror in MIRRORS.items() if _alike(points, points @ mirror))
@@ -124,12 +124,12 @@ class PillarShape:
         return Section(float(cross.sum()) / 2.0, about_x, about_y)
 
     def extent_m(self, fillet_m: float = 0.0) -> tuple[float, float]:
-        """How far the foot extends along x and y, fillet included (its flares meet in mitres), m."""
+        """Extent of the foot along x and y, fillet included (its flares meet in mitres), m."""
         x, y = np.ptp(self.outline(fillet_m), axis=0)
         return float(x), float(y)
 
     def reach_m(self, fillet_m: float = 0.0) -> tuple[float, float]:
-        """How far the pillar extends along x and y at any height, fillet included, m."""
+        """Extent of the pillar along x and y at any height, fillet included, m."""
         (x, y), (foot_x, foot_y) = self.extent_m(), self.extent_m(fillet_m)
         return max(foot_x, self.taper * x), max(foot_y, self.taper * y)
 
@@ -430,7 +430,7 @@ def _alike(points: FloatArray, images: FloatArray) -> bool:
 
 
 def _read(file: Path) -> Any:
-    """The shape in mm, whatever unit the file declares; the reader's own chatter stays off standard output."""
+    """The shape in mm, whatever unit the file declares; the reader's own messages stay off standard output."""
     import cadquery as cq
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.Interface import Interface_Static
@@ -454,7 +454,7 @@ def _only_solid(shape: Any, file: Path) -> Any:
     if len(solids) > 1:
         raise GeometryError(f"{file}: holds {len(solids)} solids, need exactly one")
     if len(shape.Faces()) > len(solids[0].Faces()):
-        raise GeometryError(f"{file}: holds loose faces beside its solid, need exactly one closed solid")
+        raise GeometryError(f"{file}: holds loose faces in addition to its solid, need exactly one closed solid")
     if not all(shell.Closed() for shell in solids[0].Shells()):
         raise GeometryError(f"{file}: open: the solid's shell has a gap, need one closed solid")
     return solids[0]

@@ -1,4 +1,4 @@
-"""How a finite plate is cut into rectangular panels: grid lines, the pillar of each panel, and equal panels counted once."""
+"""Tiling of a finite plate by rectangular panels: grid lines, the pillar of each panel, and distinct panels."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def row_panels(design: Design) -> list[Panel]:
 
 
 def signature(panel: Panel) -> Signature:
-    """What a panel's reduction depends on: its edges, where in it which pillar stands, and its free sides."""
+    """Key of a panel's reduction: its edges, its pillar and the position of it, and its free sides."""
     size = (panel.high[0] - panel.low[0], panel.high[1] - panel.low[1])
     offset = (panel.foot[0] - panel.middle[0], panel.foot[1] - panel.middle[1]) if panel.foot else (np.inf, np.inf)
     own = (panel.pillar,) if panel.pillar else ()
@@ -107,7 +107,7 @@ def signature(panel: Panel) -> Signature:
 
 
 def tile(design: Design, max_edge_m: float) -> Tiling:
-    """Cut a plate: one piece per pillar, bare panels no longer than `max_edge_m` elsewhere."""
+    """Cut a plate into one panel per pillar and bare panels no longer than `max_edge_m` elsewhere."""
     x, y = grid(design, max_edge_m)
     if not design.rows:
         return Tiling(x, y, {}, design.is_mirrored, lines_m=design.touch_lines_m)
@@ -166,7 +166,7 @@ def _cuts_between(design: Design) -> FloatArray:
 
 
 def _cuts(design: Design) -> FloatArray:
-    """The same of a plate of one zone, whose rows may differ in width."""
+    """Lines across a plate of one zone, whose rows may differ in width."""
     inner, outer, rows = design.width_m / 2.0, design.half_span_m, design.row_centres() if design.rows else np.empty(0)
     upper = [inner, outer]
     if len(rows):

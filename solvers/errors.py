@@ -1,4 +1,4 @@
-"""What a solver raises when it will not vouch for a number, and the checks of numbers that every solver makes."""
+"""Exceptions of the solvers, and the checks of numbers that all of them share."""
 
 from __future__ import annotations
 
@@ -10,42 +10,42 @@ from numpy.typing import ArrayLike, NDArray
 
 
 class SolverError(Exception):
-    """A computation that could not be trusted; the message says what, by how much, and what to try.
+    """Raised for a result that fails its checks; the message says which, by how much, and what to try.
 
     >>> from antinode import SolverError
     >>> try:
-    ...     raise SolverError("residual 1e-3 of mode 4, must be below 1e-6: ask for a smaller accuracy")
+    ...     raise SolverError("residual 1e-3 of mode 4, must be below 1e-6: refine the mesh")
     ... except SolverError as fault:
     ...     print(fault)
-    residual 1e-3 of mode 4, must be below 1e-6: ask for a smaller accuracy
+    residual 1e-3 of mode 4, must be below 1e-6: refine the mesh
     """
 
 
 class CountMismatch(SolverError):
-    """Fewer or more eigenvalues were found than the inertia counts."""
+    """Raised if the number of eigenvalues found differs from the inertia count."""
 
 
 class SingularShift(SolverError):
-    """The shift fell on an eigenvalue and moving it did not help."""
+    """Raised if a shift is an eigenvalue, also after it was moved."""
 
 
 class TooLarge(SolverError):
-    """The factorisation would not fit into memory."""
+    """Raised if a factorisation would not fit into memory."""
 
 
 class OutOfMemory(TooLarge):
-    """Memory ran out in the middle of a computation."""
+    """Raised if memory runs out during a computation."""
 
 
 def check_above_zero(what: str, *values: float) -> None:
-    """SolverError unless every value is a finite number above 0."""
+    """Raise SolverError unless every value is a finite number above 0."""
     for value in values:
         if not (isfinite(value) and value > 0.0):
             raise SolverError(f"{what} = {value:g}: must be a finite number above 0")
 
 
-UNBOUNDED = 1e9  # an answer this many times what it is far from a resonance is one met to nine digits
-RESONANT = "a lossless resonance is hit exactly: give it a loss or move the frequency"
+UNBOUNDED = 1e9  # an answer this many times its size far from a resonance means a resonance hit to nine digits
+RESONANT = "the frequency is that of a lossless resonance: add a loss or move the frequency"
 
 
 def solved(matrix: NDArray[Any], load: NDArray[Any], trouble: str = RESONANT) -> NDArray[np.complex128]:
@@ -57,7 +57,7 @@ def solved(matrix: NDArray[Any], load: NDArray[Any], trouble: str = RESONANT) ->
 
 
 def check_bounded(sizes: NDArray[np.float64], rad_s: NDArray[np.float64]) -> None:
-    """SolverError when an answer, of a size 1 far from a resonance, is rounding noise over the zero of a lossless one."""
+    """Raise SolverError for an answer (of size 1 far from a resonance) that is rounding noise at a lossless one."""
     if not np.all(sizes <= UNBOUNDED):
         worst = rad_s[int(np.argmax(np.nan_to_num(sizes, nan=np.inf)))]
         raise SolverError(f"{RESONANT} (near {worst / (2.0 * pi):.9g} Hz)")

@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 
 LIMIT = "ANTINODE_THREADS"
-MEMORY_SHARE = 0.8  # of what is available: the rest is vectors and the matrices themselves
+MEMORY_SHARE = 0.8  # of the available memory: the rest is for vectors and the matrices themselves
 GROUPS = Path("/sys/fs/cgroup")
 
 GROUP_FILES = (  # limit and use in a control group's folder, versions 2 and 1
@@ -22,7 +22,7 @@ GROUP_FILES = (  # limit and use in a control group's folder, versions 2 and 1
     ("memory.limit_in_bytes", "memory.usage_in_bytes"),
 )
 
-STATED = "ANTINODE_MEMORY_GIB"  # what may be taken, stated by the user instead of measured
+STATED = "ANTINODE_MEMORY_GIB"  # memory available, set by the user instead of measured
 
 
 def workers() -> int:
@@ -31,7 +31,7 @@ def workers() -> int:
 
 
 def available_bytes() -> float:
-    """Bytes that this process may still take: what the machine, its control groups and its own limits leave.
+    """Bytes that this process may still allocate within the machine, its control groups and its own limits.
 
     The variable ANTINODE_MEMORY_GIB states it instead.
     """
@@ -45,32 +45,32 @@ def available_bytes() -> float:
 
 
 def room_bytes() -> float:
-    """Bytes a factorisation may take: a share of what is left."""
+    """Bytes that a factorisation may take: a share of the available ones."""
     return MEMORY_SHARE * available_bytes()
 
 
 def memory_text(fault: MemoryError, doing: str = "") -> str:
-    """One line for a MemoryError: what was being done, how much one array asked for where numpy tells, what to change."""
+    """Message of one line for a MemoryError: the step, the size of the array if numpy reports it, and the remedy."""
     shape, kind = getattr(fault, "shape", None), getattr(fault, "dtype", None)
     request = ""
     if shape is not None and kind is not None:
-        request = f", {math.prod(shape) * kind.itemsize / 2**30:.3g} GiB were asked for at once"
+        request = f", {math.prod(shape) * kind.itemsize / 2**30:.3g} GiB were requested at once"
     while_doing = f" in the step '{doing}'" if doing else ""
     return (
-        f"memory ran out{while_doing}{request}, {available_bytes() / 2**30:.3g} GiB are available: raise solve.accuracy, ask "
-        "for a narrower band or fewer modes, or take solve.model = 'superelement'"
+        f"memory ran out{while_doing}{request}, {available_bytes() / 2**30:.3g} GiB are available: raise solve.accuracy, "
+        "request a narrower band or fewer modes, or set solve.model = 'superelement'"
     )
 
 
 def foresee(needed_bytes: float, dofs: int) -> int:
-    """The estimate itself, B; TooLarge, with the estimate and what to do, for what would not fit into memory."""
-    instead = "ask for a coarser mesh, a lower order, or model = superelement"
+    """Return the estimate in bytes. Raises TooLarge, with the estimate and a remedy, if it exceeds the memory."""
+    instead = "use a coarser mesh, a lower order, or model = superelement"
     check_room(needed_bytes, f"factorising {dofs} degrees of freedom needs", instead)
     return int(needed_bytes)
 
 
 def check_room(needed_bytes: float, what: str, instead: str) -> None:
-    """TooLarge, with the estimate and what to do instead, for what would not fit into memory."""
+    """Raise TooLarge, with the estimate and a remedy, if the bytes exceed the memory."""
     from solvers.errors import TooLarge
 
     room = room_bytes()
@@ -85,7 +85,7 @@ def factorisations() -> tuple[str, ...]:
 
 
 def restart_peak() -> None:
-    """Begin the high-water mark anew where the system allows it (Linux): a worker serves many cases."""
+    """Reset the high-water mark if the system allows it (Linux), since a worker computes many cases."""
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
 
@@ -105,7 +105,7 @@ def give_back() -> None:
 
 
 def reported_peak_bytes() -> int | None:
-    """Largest resident size since the last restart, by the kernel; None where it does not tell."""
+    """Largest resident size since the last restart, by the kernel; None if it does not report it."""
     with suppress(OSError, StopIteration, ValueError):
         lines = Path("/proc/self/status").read_text().splitlines()
         return 1024 * int(next(line for line in lines if line.startswith("VmHWM")).split()[1])
@@ -113,7 +113,7 @@ def reported_peak_bytes() -> int | None:
 
 
 def peak_bytes() -> int:
-    """The same, or else the process's largest size ever (getrusage, which may begin with the parent's)."""
+    """Peak resident size as above, else the process's largest size ever (getrusage, which may begin with the parent's)."""
     text = reported_peak_bytes()
     if text is not None:
         return text
@@ -131,7 +131,7 @@ def resident_bytes() -> int:
 
 
 def _group_rooms() -> list[float]:
-    """What each control group that holds this process leaves; nothing where none is limited."""
+    """Bytes left by each control group of this process that has a limit."""
     rooms = []
     for folder in _groups():
         for limit, used in GROUP_FILES:
@@ -153,7 +153,7 @@ def _groups() -> list[Path]:
 
 
 def _process_rooms() -> list[float]:
-    """What `ulimit -v` and `ulimit -d` leave of addresses; nothing without them, or on a system that has none."""
+    """Address space left by `ulimit -v` and `ulimit -d`; nothing without a limit, or on a system without them."""
     import psutil
 
     with suppress(ImportError, OSError):

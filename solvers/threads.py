@@ -1,6 +1,6 @@
 """Threads: independent tasks side by side with one thread each, and one BLAS thread for a while.
 
-The factorisations let go of the interpreter's lock, so threads do for symmetry classes and panels what processes would. A task
+The factorisations release the interpreter's lock, so threads do for symmetry classes and panels what processes would. A task
 that is one of several has one thread however many of them run at once: its digits do not depend on the number of workers.
 """
 
@@ -22,19 +22,19 @@ from solvers.machine import workers
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-HEARD_S = 0.2  # an interruption is heard so soon, whichever thread the signal reached
+HEARD_S = 0.2  # longest wait before an interruption takes effect, whichever thread the signal reached
 # How long a task in Python lets another wait that comes back from compiled code: the interpreter's own 5 ms, at each of
-# hundreds of returns, cost two symmetry classes side by side a fifth of what they save.
+# hundreds of returns, cost two parallel symmetry classes a fifth of their gain.
 WAIT_S = 5e-4
 # Of glibc's malloc.h. All threads share one heap: arrays are few and large, and an arena of each thread's own keeps what it
 # once held. A solve makes and drops arrays of some megabytes by the hundred: given back to the system each time, their pages
-# cost a tenth of a small solve when they come anew.
+# cost a tenth of a small solve when they come again.
 ARENA_MAX, TRIM_THRESHOLD, MMAP_THRESHOLD = -8, -1, -3
 HEAP = {ARENA_MAX: 1, TRIM_THRESHOLD: 2**26, MMAP_THRESHOLD: 2**23}
 
 
 def _set_heap() -> None:
-    """Tell the C library how this process takes memory."""
+    """Set how the C library allocates memory for this process."""
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):  # another C library than glibc
             library = ctypes.CDLL(None)
@@ -45,12 +45,12 @@ def _set_heap() -> None:
 _set_heap()
 
 
-class Abandoned(Exception):
-    """Nobody waits for this task any more."""
+class Cancelled(Exception):
+    """Raised in a task whose result is no longer needed."""
 
 
 class _Task(threading.local):
-    """What a thread is at: one of several tasks, or the whole computation."""
+    """Current task of a thread: one of several, or the whole computation."""
 
     abandoned: threading.Event | None = None
 
@@ -63,16 +63,16 @@ def threads() -> int:
     return 1 if _task.abandoned else workers()
 
 
-def go_on() -> None:
-    """Raise Abandoned within a task whose command was interrupted; asked before every factorisation."""
+def raise_if_cancelled() -> None:
+    """Raise Cancelled within a task whose command was interrupted; called before every factorisation."""
     if _task.abandoned and _task.abandoned.is_set():
-        raise Abandoned
+        raise Cancelled
 
 
-def side_by_side(
+def parallel_map(
     function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0, room: float = float("inf")
 ) -> list[Result]:
-    """The function of every item, as many at once as there are threads and as `room` bytes hold, `bytes_each` each.
+    """Call the function on every item, as many at once as threads and `room` bytes allow at `bytes_each` per item.
 
     The first item's exception is raised, when all have ended. A task within a task, or one alone, runs where it is.
     """
@@ -86,7 +86,7 @@ def side_by_side(
     def alone(item: Item) -> Result:
         _task.abandoned = abandoned
         try:
-            go_on()
+            raise_if_cancelled()
             return function(item)
         finally:
             _task.abandoned = None
@@ -94,7 +94,7 @@ def side_by_side(
     if count < 2:
         with one_thread():
             return [alone(item) for item in chosen]
-    with one_thread(), _brisk():
+    with one_thread(), _short_switch_interval():
         try:
             futures = _submitted(alone, chosen, count)
             while wait(futures, timeout=HEARD_S).not_done:
@@ -106,8 +106,8 @@ def side_by_side(
 
 
 @contextmanager
-def _brisk() -> Iterator[None]:
-    """Threads take turns more often within the block."""
+def _short_switch_interval() -> Iterator[None]:
+    """Make threads take turns more often within the block."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(min(before, WAIT_S))
     try:
@@ -133,7 +133,7 @@ def _pool() -> ThreadPoolExecutor:
 
 
 class _OneThread:
-    """Limits the pools of numpy and scipy while anybody asks for it: the limit is the process's, not a thread's."""
+    """Limit on the pools of numpy and scipy while any thread needs it, since the limit is the process's."""
 
     def __init__(self) -> None:
         self._lock, self._holders, self._limiter = threading.Lock(), 0, None
@@ -166,5 +166,5 @@ def one_thread() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def _pools() -> ThreadpoolController:
-    """Looked up once: that takes half as long as a wave's dense solve."""
+    """Thread pools, looked up once: that takes half as long as a wave's dense solve."""
     return ThreadpoolController()

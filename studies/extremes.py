@@ -1,4 +1,4 @@
-"""Stiff and extreme cases of the finite-element core: each is right within its stated error, or refused by name."""
+"""Stiff and extreme cases of the finite-element core: each is right within its error bar, or rejected with a reason."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def thin(length_over_thickness: float) -> Result:
 
 
 def poisson(element: str, poisson: float) -> Result:
-    """The same plate, 1:10, by every element at about equal degrees of freedom; low orders lock towards 1/2."""
+    """A 1:10 plate by every element at about equal degrees of freedom; low orders lock towards 1/2."""
     material = Material.isotropic("given", ALUMINIUM.as_isotropic.young_pa, ALUMINIUM.density_kg_m3, poisson)
     order = int(element[-1])
     cuts = {1: 12, 2: 6, 3: 4, 4: 3}[order]
@@ -222,7 +222,7 @@ def size(edge_m: float) -> Result:
 
 
 def side_by_side(mesh: Mesh, count: int, step_m: float) -> Mesh:
-    """The same body `count` times beside itself, not touching."""
+    """Copies of a body next to each other, not touching."""
     shift = np.arange(count)[:, None, None] * np.array([step_m, 0.0, 0.0])
     nodes = (mesh.nodes[None] + shift).reshape(-1, 3)
     number = np.arange(count)[:, None, None] * len(mesh.nodes)
@@ -300,7 +300,7 @@ def million(shape: str) -> Result:
     return {**result(pencil, modes, exact), "dof": pencil.dof}
 
 
-# the function of a scene, what it is about, its parameter and the values that are solved
+# the function of a scene, its subject, its parameter and the values that are solved
 SCENES: dict[str, tuple[Callable[..., Result], str, str, tuple[float, ...]]] = {
     "thin": (
         *(thin, "Thickness to length, supported plate (exact in three dimensions)"),

@@ -37,7 +37,7 @@ def folders() -> dict[str, list[str]]:
 
 
 def arrows(names: Iterable[str]) -> Arrows:
-    """Which folder imports from which others, by the graph of imports that import-linter uses."""
+    """Imports between folders, from the graph that import-linter uses."""
     from grimp import build_graph
 
     graph, known, result = build_graph(*PACKAGES), set(names), defaultdict(set)
@@ -65,19 +65,19 @@ def floors(names: Iterable[str], imports: Arrows) -> dict[str, int]:
 
 
 def sentence(name: str) -> str:
-    """What a folder says of itself: the first line of its docstring."""
+    """First line of a folder's docstring."""
     text = ast.get_docstring(ast.parse((ROOT / name.replace(".", "/") / "__init__.py").read_text()))
     return (text or "").splitlines()[0]
 
 
 def table(modules: dict[str, list[str]]) -> str:
-    """One line a folder: its sentence and how many modules it has."""
+    """Table with one line per folder: its sentence and its number of modules."""
     rows = [f"| `{name.replace('.', '/')}/` | {sentence(name)} | {len(all)} |" for name, all in modules.items()]
     return "\n".join(["| folder | what is there | modules |", "|---|---|---|", *rows])
 
 
 def draw(modules: dict[str, list[str]], imports: Arrows, place: Path) -> None:
-    """Folders as boxes, a floor a line; an arrow to each imported folder that no other arrow reaches already.
+    """Folders as boxes, one line per floor; an arrow to each imported folder that no other arrow reaches already.
 
     Firmware stands alone: it is one box.
     """

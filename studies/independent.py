@@ -3,7 +3,7 @@
 Displacements are products of Legendre polynomials in x, y and z; the eight parities do not mix. Frequencies converge from
 above, fast, since stresses are bounded at the edges of a free block (visscher1991).
 
-Nothing of it is condensed, reduced or extrapolated by what a driven plate is computed with: the reference for that.
+Nothing is condensed, reduced or extrapolated as in a driven plate, for which these are the reference.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scipy.linalg import eigh
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import Boxes, bonded_boxes, hex_mesh
 from geometry.hex.scenes import Grading, HexSettings, grid_lines
-from geometry.layout import Design, Stand, region_materials
+from geometry.layout import Design, PillarGroup, region_materials
 from geometry.materials import PIEZO_MATERIALS, Material, PiezoMaterial
 from geometry.mesh import Mesh
 from solvers.fem.assembly import System, assemble
@@ -42,7 +42,7 @@ SHRINK, EXPONENT = (
 
 LEFT = SHRINK ** (2.0 * EXPONENT)  # of the error, after one more layer
 SIZE_M = 2e-3  # of elements of order 3 away from edges
-UNSURE = 0.3  # of the last step: what its extrapolation may be off by
+UNSURE = 0.3  # of the last step: uncertainty of its extrapolation
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class _Axis:
 class BondedSolid:
     """K (N/m) and M (kg), (3n, 3n), at constant voltage; the load of a volt (3n,) in N; the patch's clamped capacitance in F;
     where the nodes lie, (n, 3), in nm; and the matrix (3n, 3 plate nodes) from the plate's own degrees of freedom. bending:
-    what the potential between the electrodes adds to K is N D^-1 N'; its factors N (3n, p) and D (p, p).
+    the potential between the electrodes adds N D^-1 N' to K; its factors N (3n, p) and D (p, p).
     """
 
     stiffness: sp.csr_array
@@ -87,7 +87,7 @@ class BondedPlate:
 @dataclass(frozen=True)
 class SolidModes:
     """Modes of a quarter that the patch drives, ascending, rigid ones left out: frequencies in Hz and heights of their peaks,
-    (k,) each, and what the last layer changed of both, relative.
+    (k,) each, and the relative change of both by the last layer.
     """
 
     frequency_hz: FloatArray
@@ -134,7 +134,7 @@ def free_block_hz(
 
 
 def solid_modes(bonded: BondedPlate, middle_hz: float, layers: tuple[int, int] = (1, 2)) -> SolidModes:
-    """Modes about a frequency in the limit of meshes of so many layers: what one leaves of the error goes on alike."""
+    """Modes about a frequency, extrapolated over the number of layers, each of which reduces the error by one factor."""
     coarse, fine = (_modes(bonded, middle_hz, each) for each in layers)
     count = min(len(coarse[0]), len(fine[0]))
     limits = [b[:count] - (a[:count] - b[:count]) * LEFT / (1.0 - LEFT) for a, b in zip(coarse, fine, strict=True)]
@@ -243,7 +243,9 @@ def _plate(bonded: BondedPlate, layers: int) -> Boxes:
     """The quarter x, y >= 0 of plate and pillars."""
     design = bonded.design
     reach = design.footprint_m / 2.0 if design.rows else 0.0
-    stands = tuple(Stand(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in design.standing())
+    stands = tuple(
+        PillarGroup(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in design.standing()
+    )
     span = np.array([0.0, design.length_m / 2.0, 0.0, design.half_span_m])
     settings = HexSettings(3, SIZE_M, layers, SHRINK)
     return bonded_boxes(span, design.thickness_m, stands, bonded.box_m, bonded.is_on_back, settings)
@@ -270,6 +272,6 @@ def _nearest(stiffness: sp.csc_array, mass: sp.csc_array, shift: float) -> tuple
 
 
 def _spread(nodes: IntArray, count: int) -> sp.csr_array:
-    """From the degrees of freedom of some nodes to those of all."""
+    """Map from the degrees of freedom of some nodes to those of all."""
     places = (3 * nodes[:, None] + np.arange(3)).ravel()
     return sp.coo_array((np.ones(len(places)), (places, np.arange(len(places)))), (3 * count, len(places))).tocsr()

@@ -1,4 +1,4 @@
-"""The parts of the reference design by every model and mesh of the ladder: what each gives, in hertz."""
+"""Results in hertz of every model and mesh of the ladder for the parts of the reference design."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from solvers.waves.bloch import BlochCell
 WINDOW_HZ = (30e3, 38e3)  # where the target mode of the plate is looked for
 SMALL = 1e-6  # an error to which a confinement answers in proportion
 ZONE = {"zone": 0, "zone two lines up": 2, "zone four lines up": 4}  # nodal lines beyond the target mode's
-EXTRAPOLATED = "extrapolated"  # the model of a superelement that coarser meshes take most of its mesh's error from
+EXTRAPOLATED = "extrapolated"  # the model of a superelement whose discretisation error coarser meshes correct
 ALIKE = 0.5  # modal assurance of a mode with the shape it is called after: a coarse mesh may have none
 BENDING = ("pillar", "second bending", "third bending")
 WHOLE_BENDING = [0, 3, 7]  # among all modes: every bending twice, with a twist, a stretch and a twist between
@@ -146,7 +146,7 @@ def cell(mesh_level: dict[str, Any]) -> tuple[Values, int]:
 
 
 def _reductions(d: Design, reduction: ReductionSettings, mesh_level: dict[str, Any]) -> Reductions:
-    """Panels as a mesh level has them: of an extrapolated one coarser meshes take most of the mesh's error away."""
+    """Panels of a mesh level; coarser meshes correct the discretisation error of an extrapolated one."""
     mesher: Callable[[Panel], Mesh] | None = None
     if mesh_level["model"] == "superelement tet":
         mesh = check(of_order(scenes.tet_cell(d, 1e-3 * mesh_level["size_mm"], "xy"), mesh_level["order"]))
@@ -170,9 +170,9 @@ FOLLOWED = {  # point and bands from 0, whose mean is taken
 
 
 def _quarter_cell(mesh_level: dict[str, Any]) -> tuple[Values, int]:
-    """Where every phase is 1 or -1 a wave stands between mirrors: the sign at x+ is the sign at x- times the phase.
+    """Quarter cell for phases of 1 or -1: a wave stands between mirrors, its sign at x+ is that at x- times the phase.
 
-    A coarse mesh tells in which symmetry class each quantity is, and as which of its modes; the fine one solves no other.
+    A coarse mesh shows in which symmetry class each quantity is, and as which of its modes; the fine one solves no other.
     """
     places = _classes_of_quantities()
     mesh = check(hex_mesh(cell_boxes(design(), settings(mesh_level), True), mesh_level["order"]))
@@ -209,7 +209,7 @@ def _classes_of_quantities() -> dict[str, tuple[str, str, int]]:
 
 
 def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:
-    """One row and 5 mm: the target mode, how well it is confined (dB), and what an error may change of that, dB over
+    """One row and 5 mm: the target mode, its confinement (dB), and the sensitivity of that to an error, dB over
     the error.
     """
     d, symmetry = plate_design(), target_symmetry(design().nodal_lines)

@@ -65,7 +65,7 @@ TITLES = {  # how licence texts begin, on a line of their own; one file says it 
 }
 SOURCES = (".py", ".pyc", ".pyi", ".h")
 LICENCE_FILE = re.compile(r"licen[cs]e|copying|copyright|/licenses/", re.I)
-LIBRARIES = (  # what wheels carry beside their own code: by file name, under terms beyond a notice
+LIBRARIES = (  # what wheels carry in addition to their own code: by file name, under terms beyond a notice
     ("libTK[A-Z0-9]", "Open CASCADE Technology", "LGPL-2.1-only WITH OCCT-exception-1.0"),
     ("libcoinmumps", "MUMPS", "CeCILL-C"),
     ("libfreeimage", "FreeImage", "FreeImage OR GPL-2.0 OR GPL-3.0"),
@@ -83,7 +83,7 @@ MARK = "<!-- From here on written by `make licences`. -->\n"
 
 @dataclass(frozen=True)
 class Package:
-    """An installed package: its name, version, what it declares, and what beyond that was found in its files."""
+    """An installed package: its name, version, declared terms, and further terms found in its files."""
 
     name: str
     version: str
@@ -116,7 +116,7 @@ def _single_family(licence: str) -> str:
 
 
 def extras() -> dict[str, list[Requirement]]:
-    """What each extra of pyproject.toml asks for; "" is what is always needed."""
+    """Requirements of each extra of pyproject.toml; "" holds those that are always needed."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     requirements = {"": project["dependencies"], **project["optional-dependencies"]}
     return {name: [Requirement(line) for line in lines] for name, lines in requirements.items()}

@@ -1,6 +1,6 @@
-"""How far the parametric cell's bands lie from plain reductions of random designs, and the ratio of times.
+"""Error of the parametric cell's bands relative to plain reductions of random designs, and the ratio of times.
 
-    python -m studies.live [DESIGNS] [CASE]    so many random designs
+    python -m studies.live [DESIGNS] [CASE]    a number of random designs
     python -m studies.live corners [CASE]      those of the corners of the box
     python -m studies.live plates N [CASE]     live answers next to assembled plates, N designs of the cloud, or of a study
     python -m studies.live picture [CASE]      docs/pictures/explore.gif: bands and shape while the pillars grow
@@ -39,7 +39,7 @@ FRAMES, PICTURE = 25, ROOT / "docs" / "pictures" / "explore.gif"
 SPARE = 3  # designs of the cloud for each one asked for: some have no target mode
 EVERY = 5  # wavevectors that the plain reduction solves
 DRAW = 7  # seed of the drawn designs
-PLATE = 0.01  # accuracy of assembled plates: their own bars count beside the live ones
+PLATE = 0.01  # accuracy of assembled plates: their error bars count in addition to the live ones
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def _plain(case: Case, wavevectors: FloatArray) -> Callable[[FloatArray, int], F
 
 
 def main(count: int | None, path: str) -> int:
-    """Print a line a design, then what holds: of so many random ones, or of the corners of the box."""
+    """Print one line per design, then a summary: of `count` random ones, or of the corners of the box."""
     case = load_case(path)
     model = cell_model(case, TerminalLog())
     box, rng = model.cell.box, np.random.default_rng(7)
@@ -140,7 +140,7 @@ class BesidePlate:
 
     @classmethod
     def of(cls, live: Document, real: Document) -> BesidePlate:
-        """From both answers."""
+        """Differences of both answers."""
         near = live["near_hz"] is not None
         if real.get("confinement_db") is None:
             return cls(np.inf, np.inf, live["frequency_error"], *2 * (live["confinement_error_db"],), near)
@@ -168,7 +168,7 @@ class BesidePlate:
 
 
 def drawn(explorer: Explorer, count: int, sweep: dict[str, list[float]]) -> Iterator[dict[str, float]]:
-    """The designs of a sweep over keys of the sliders, or so many of the cloud, and some to spare."""
+    """The designs of a sweep over keys of the sliders, or `count` of the cloud, and some to spare."""
     names = {limit.key: name for name, limit in explorer.scene.limits.items()}
     if not sweep:
         every = explorer.cloud_designs  # steps through a low-discrepancy sequence would meet one corner of it
@@ -179,7 +179,7 @@ def drawn(explorer: Explorer, count: int, sweep: dict[str, list[float]]) -> Iter
 
 
 def plates(count: int, path: str) -> int:
-    """Print how far the live mode lies from the plate's, a line a design, and how many lie within; 1 unless all do."""
+    """Print the live mode's deviation from the plate's, one line per design, and how many lie within; 1 unless all do."""
     study = read_toml(Path(path))
     source = Path(path).parent / study["study"]["case"] if "study" in study else Path(path)
     case, raw = load_case(source), read_toml(source)
@@ -204,11 +204,11 @@ def _line(given: dict[str, float], live: Document, one: BesidePlate) -> str:
     own = f"{design}: {live['frequency_hz']:.0f} Hz {bars}{others}, {said}"
     if not np.isfinite(one.frequency):
         return f"{own}; the plate has no such mode"
-    return f"{own}; off by {one.frequency:+.2%} and {one.level_db:+.2f} dB{'' if one.within else ', OUTSIDE'}"
+    return f"{own}; deviation {one.frequency:+.2%} and {one.level_db:+.2f} dB{'' if one.within else ', OUTSIDE'}"
 
 
 def summary(every: list[BesidePlate]) -> str:
-    """How many lie within their bars, the median of the live levels' bars away from resonances, and the worst of each."""
+    """Number within their error bars, median error bar of the live levels away from resonances, and the worst of each."""
     tones, levels = (np.array([one.ratios for one in every]) <= 1.0).sum(axis=0)
     away = [one.live_bar_db for one in every if not one.near]
     lacking = sum(not np.isfinite(one.frequency) for one in every)

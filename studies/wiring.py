@@ -16,7 +16,7 @@ SINGLE, SIX, BOTH = "#9cc8f0", "#f3c28b", "#a9d69a"
 
 @dataclass(frozen=True)
 class Pin:
-    """A pin of the chip: where it is on a NUCLEO-F446RE, and what each build does with it (None: nothing)."""
+    """A pin of the chip: where it is on a NUCLEO-F446RE, and its use in each build (None: unused)."""
 
     name: str
     connector: str  # ST morpho: CN7 or CN10
@@ -166,7 +166,7 @@ def _overcurrent(drawing: Any, elm: Any, source: Any) -> None:
 
 
 def headers(drawing: Any, elm: Any) -> None:
-    """The two long connectors of the board, seen from above with the USB socket at the top, and what each build has where."""
+    """The two long connectors of the board, seen from above with the USB socket at the top, with the pins of each build."""
     for left, connector in ((0.0, "CN7"), (16.0, "CN10")):
         drawing.add(elm.Rect(corner1=(left - 0.4, 0.4), corner2=(left + 1.2, 0.4 - 19 * 0.8)).at((0, 0)))
         drawing.add(elm.Label().at((left + 0.4, 0.9)).label(connector))

@@ -146,7 +146,7 @@ def _across(surface: Any) -> tuple[Any, Any]:
 
 def main(name: str, ending: str = "svg") -> None:
     """Draw a figure into NAME.svg, or a file of another ending."""
-    warnings.simplefilter("ignore", antinode.Caution)
+    warnings.simplefilter("ignore", antinode.AntinodeWarning)
     with style.style():
         figure = style.new_figure(style.WIDTH_IN, 2.6 if name == "superelement" else 3.6)
         globals()[name.replace("-", "_")](figure)

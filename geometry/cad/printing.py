@@ -95,7 +95,7 @@ def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> 
 
 def _printable(body: Body) -> CadSurface:
     if body.bonded:
-        raise GeometryError("a print is one solid of one material: give pillars the plate's")
+        raise GeometryError("a print is one solid of one material: give the pillars the plate's material")
     return cad_surface(body.shape, DEFLECTION_MM, ANGLE)
 
 
@@ -111,9 +111,8 @@ def _model(surface: CadSurface, metadata: Mapping[str, str]) -> str:
 
 
 # -- checks ------------------------------------------------------------------------------------------------------------
-# What a printer must know before it starts: is the STL one closed body, how small its features, how steep its
-# undersides.
-# The file is read back by trimesh, which shares no code with the CAD kernel that wrote it.
+# Checks before printing: whether the STL is one closed body, its smallest feature, its steepest underside.
+# trimesh reads the file back, since it shares no code with the CAD kernel that wrote it.
 
 MM = 1e3
 VOLUME_TOLERANCE = 1e-3
@@ -123,7 +122,7 @@ ON_BUILD_PLATE = 1e-6  # of the height
 
 @dataclass(frozen=True)
 class PrintReport:
-    """What was found in an STL file printed with z up, SI units.
+    """Measurements of an STL file printed with z up, SI units.
 
     features: named lengths (m) that must be printed; overhang_deg: greatest angle of a downward face from the
     vertical (0 without one, 90 for a ceiling); overhang_area_m2: downward faces beyond 45 degrees, build plate excepted.
@@ -152,7 +151,7 @@ class PrintReport:
 
     @property
     def faults(self) -> list[str]:
-        """Why the file must not go to a printer; empty when it may."""
+        """Reasons not to print the file; empty if there are none."""
         violations = []
         if not self.watertight:
             violations.append("the surface is not closed")
@@ -166,7 +165,7 @@ class PrintReport:
 
 
 def check_print(stl: str | os.PathLike[str], body: Body, design: Design) -> PrintReport:
-    """Read an STL (mm, z up) back and measure it against its CAD body. Raises GeometryError when it cannot be read."""
+    """Read an STL (mm, z up) back and compare it with its CAD body. Raises GeometryError if it cannot be read."""
     import trimesh
 
     try:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import GeometryError, MeshError
-from geometry.layout import Design, Pillar, Stand
+from geometry.layout import Design, Pillar, PillarGroup
 from geometry.tiling import Panel
 
 MM = 1e3  # mm per m
@@ -27,7 +27,7 @@ SAME_VOLUME = 1e-6  # relative: two booleans of one solid agree to the kernel's 
 SAME_POINT_MM = 1e-7  # the kernel's own confusion distance
 SMOOTH = np.cos(np.radians(20.0))  # faces that meet at less have no edge a mesh of this coarseness could follow
 ALONG_AXIS = 1e-9  # a normal this close to an axis is that axis
-ANGULAR_DEFLECTION = 0.6  # rad: a mesher needs the shape of a curve, not its gloss
+ANGULAR_DEFLECTION = 0.6  # rad: a mesher needs the shape of a curve, not a smooth picture of it
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class Box:
 
 @dataclass(frozen=True)
 class Body:
-    """A CAD shape in mm and what a mesher must know about it, in m.
+    """A CAD shape in mm with the data for a mesher, in m.
 
-    Plate from 0 to z = `thickness_m`, pillars above, or on both sides; the lone pillar has thickness 0. `bonds` names the
+    Plate from 0 to z = `thickness_m`, pillars above, or on both sides; the isolated pillar has thickness 0. `bonds` names the
     parts ("pillar", "tip") of another material: `shape` is one cadquery solid without any, else solids that share their
     contact faces. `tips` are the heavy tips whose material is not their pillar's.
     """
@@ -146,7 +146,7 @@ class CadSurface:
         return np.asarray(self.face_of[_skin(self.points, self.triangles).find_closest_cell(points)])
 
     def encloses(self, points: FloatArray) -> FloatArray:
-        """Which points lie inside the outer surface (faces between bonded solids left out), shape (n,) bool."""
+        """Mask of the points inside the outer surface (faces between bonded solids ignored), shape (n,) bool."""
         from pyvista import PolyData
 
         outer = ~np.array([face.inner for face in self.faces])[self.face_of]
@@ -175,11 +175,11 @@ class CadSurface:
 
 
 def pillar_solid(pillar: Pillar) -> Body:
-    """The lone pillar, foot on z = 0, axis +z, fillet flare and heavy tip included.
+    """The isolated pillar, foot on z = 0, axis +z, fillet flare and heavy tip included.
 
     Raises GeometryError when the shape or its fillet cannot be built, or the STEP file is not a pillar.
     """
-    tips = _tips(Stand(pillar, np.zeros((1, 2))), 0.0, "")
+    tips = _tips(PillarGroup(pillar, np.zeros((1, 2))), 0.0, "")
     if not tips:
         return Body(_pillar_shape(pillar), 0.0)
     shape = _share_faces([_pillar_shape(pillar), *_solids(tips)])
@@ -193,7 +193,7 @@ def zone_solid(design: Design, mirrors: str = "") -> Body:
 
 def cell_solid(design: Design, mirrors: str = "") -> Body:
     """The unit cell, pitch_x x pitch_y x thickness, centred, its pillar in the middle; bare without a pillar."""
-    stands = (Stand(design.pillar, np.zeros((1, 2))),) if design.pillar else ()
+    stands = (PillarGroup(design.pillar, np.zeros((1, 2))),) if design.pillar else ()
     return _assemble(design, (design.pitch_x_m, design.pitch_y_m), stands, mirrors)
 
 
@@ -205,7 +205,7 @@ def panel_solid(design: Design, panel: Panel) -> Body:
     size = np.array(panel.high) - np.array(panel.low)
     mirrors = "".join("xy"[axis] for axis in panel.halved)
     pillar = panel.pillar or design.pillar
-    stands = (Stand(pillar, np.array([panel.foot]) - np.array(panel.middle)),) if pillar and panel.foot else ()
+    stands = (PillarGroup(pillar, np.array([panel.foot]) - np.array(panel.middle)),) if pillar and panel.foot else ()
     return _assemble(design, (float(size[0]), float(size[1])), stands, mirrors)
 
 
@@ -219,7 +219,7 @@ def plate_solid(design: Design, mirrors: str = "") -> Body:
 
 
 def part_solid(design: Design, part: str) -> Body:
-    """The whole zone, lone pillar or plate."""
+    """The whole zone, isolated pillar or plate."""
     if part == "pillar":
         assert design.pillar
         return pillar_solid(design.pillar)
@@ -248,7 +248,7 @@ def cad_surface(shape: Any, deflection: float, angle: float = ANGULAR_DEFLECTION
     return _joined(corners, faces)
 
 
-def _assemble(design: Design, size_m: tuple[float, float], stands: tuple[Stand, ...], mirrors: str) -> Body:
+def _assemble(design: Design, size_m: tuple[float, float], stands: tuple[PillarGroup, ...], mirrors: str) -> Body:
     """Parts of the plate's material united, those of another one bonded to it."""
     pillars = [pillar for each in stands for pillar in _standing(each, design.thickness_m, mirrors)]
     tips = tuple(box for each in stands for box in _tips(each, design.thickness_m, mirrors))
@@ -265,7 +265,7 @@ def _solids(boxes: tuple[Box, ...]) -> list[Any]:
     return [_box(np.array(box.low), np.array(box.high)) for box in boxes]
 
 
-def _tips(stand: Stand, thickness_m: float, mirrors: str) -> tuple[Box, ...]:
+def _tips(stand: PillarGroup, thickness_m: float, mirrors: str) -> tuple[Box, ...]:
     """Heavy tips whose material is not their pillar's, cut by the mirrors, those beyond one left out."""
     pillar, tip = stand.pillar, stand.pillar.tip
     if tip is None or tip.material == pillar.material:
@@ -283,7 +283,7 @@ def _tips(stand: Stand, thickness_m: float, mirrors: str) -> tuple[Box, ...]:
     return tuple(boxes)
 
 
-def _standing(stand: Stand, thickness_m: float, mirrors: str) -> list[Any]:
+def _standing(stand: PillarGroup, thickness_m: float, mirrors: str) -> list[Any]:
     """Pillars moved to their places on one face or both, those on a mirror cut by it, those beyond it left out."""
     import cadquery as cq
 
@@ -308,7 +308,7 @@ def _standing(stand: Stand, thickness_m: float, mirrors: str) -> list[Any]:
 
 
 def _half(shape: Any, mirrors: str) -> Any:
-    """The part of a centred shape at x >= 0 and/or y >= 0, after proving that the other part mirrors it."""
+    """Part of a centred shape at x >= 0 and/or y >= 0, after checking that the rest is its mirror image."""
     size = 4.0 * shape.BoundingBox().DiagonalLength
     low, high = np.full(3, -size), np.full(3, size)
     for letter in mirrors:
@@ -385,7 +385,9 @@ def _share_faces(solids: list[Any]) -> Any:
     shape = cq.Shape.cast(builder.Shape())
     volume = sum(solid.Volume() for solid in solids)
     if len(shape.Solids()) != len(solids) or abs(shape.Volume() - volume) > SAME_VOLUME * volume:
-        raise GeometryError("bonded parts overlap: pillars and tips may touch the plate, not enter it or each other")
+        raise GeometryError(
+            "bonded parts overlap: pillars and tips may touch the plate and each other, but not intersect"
+        )
     return shape
 
 

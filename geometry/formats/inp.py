@@ -2,7 +2,7 @@
 
 Keywords and parameters are read in any case. A line that begins with two asterisks is a comment wherever it stands. A set that
 is given again is added to. Sets may name other sets, files may include files, parts may have instances, moved and turned.
-What would change the modes and is not read (constraints, springs, masses, transformed coordinates) is named.
+Content that would change the modes but is not read (constraints, springs, masses, transformed coordinates) is reported.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def read_inp(file: Path) -> RawMesh:
     Raises
     ------
     MeshFileError
-        For what the format does not allow, and for what is not read: generated nodes, other elements, coordinate systems.
+        For invalid content, and for content that is not read: generated nodes, other elements, coordinate systems.
     """
     reading = _Reading()
     for keyword in _keywords(file, [0], ()):
@@ -155,7 +155,7 @@ def _lines(file: Path, size: list[int]) -> Iterator[tuple[str, str]]:
     require_file(file)
     size[0] += file.stat().st_size
     if size[0] > MAX_BYTES:
-        raise MeshFileError(f"{file}: more than {MAX_BYTES} bytes with what it includes")
+        raise MeshFileError(f"{file}: more than {MAX_BYTES} bytes with its included files")
     yield str(file), "*"
     head = ""
     with file.open(encoding="utf-8", errors="replace") as lines:
@@ -221,7 +221,9 @@ def _element(reading: _Reading, keyword: _Keyword) -> None:
     width = 1 + size
     entries = keyword.integers(entry for line in keyword.lines for entry in line)
     if len(entries) % width:
-        raise MeshFileError(f"{keyword.where}: *ELEMENT, TYPE={kind}: {len(entries)} numbers are no rows of {width}")
+        raise MeshFileError(
+            f"{keyword.where}: *ELEMENT, TYPE={kind}: {len(entries)} numbers do not form rows of {width}"
+        )
     for begin in range(0, len(entries), width):
         number, *nodes = entries[begin : begin + width]
         if number in here.elements:
@@ -280,7 +282,7 @@ def _generated(keyword: _Keyword, line: list[str]) -> list[int]:
     first, last, *step = keyword.integers(line)
     increment = step[0] if step else 1
     if increment < 1 or last < first or (last - first) // increment >= MAX_GENERATED:
-        raise MeshFileError(f"{keyword.where}: *{keyword.name}, GENERATE: {first}, {last}, {increment} is no range")
+        raise MeshFileError(f"{keyword.where}: *{keyword.name}, GENERATE: {first}, {last}, {increment} is not a range")
     return list(range(first, last + 1, increment))
 
 
@@ -300,7 +302,7 @@ def _members(keyword: _Keyword, line: list[str], reading: _Reading, which: str) 
         elif number.isdigit() and int(number) in numbers:
             found.append(numbers[int(number)])
         else:
-            raise MeshFileError(f"{keyword.where}: *{keyword.name}: no set {entry!r} was given before")
+            raise MeshFileError(f"{keyword.where}: *{keyword.name}: set {entry!r} is not defined above")
     return found
 
 
@@ -330,7 +332,7 @@ def _instance(reading: _Reading, keyword: _Keyword) -> None:
     """A copy of a part in the model, moved, then turned about an axis."""
     name, part = keyword.needs("NAME"), keyword.needs("PART")
     if part.casefold() not in reading.parts:
-        raise MeshFileError(f"{keyword.where}: *INSTANCE of part {part}, which was not given before")
+        raise MeshFileError(f"{keyword.where}: *INSTANCE of part {part}, which is not defined above")
     own = reading.parts[part.casefold()]
     moved = _moved(np.array(list(own.nodes.values()), dtype=float).reshape(-1, 3), keyword)
     model, nodes, elements = reading.model, {}, {}
@@ -381,7 +383,7 @@ def _raw_mesh(reading: _Reading, file: str) -> RawMesh:
     model = reading.model
     for part in () if reading.instances else reading.parts.values():  # parts without an assembly are the model
         if len(reading.parts) > 1:
-            raise MeshFileError(f"{file}: {len(reading.parts)} parts and no *INSTANCE: write the assembly")
+            raise MeshFileError(f"{file}: {len(reading.parts)} parts but no *INSTANCE: write the assembly to the file")
         model = part
     place = {number: i for i, number in enumerate(model.nodes)}
     points = np.array(list(model.nodes.values()), dtype=float).reshape(-1, 3)

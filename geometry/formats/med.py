@@ -123,7 +123,7 @@ def _write_families(file: Any, name: str, cells: Families, nodes: Families) -> N
 def read_med(path: str | os.PathLike[str]) -> RawMesh:
     """The one mesh of a MED file.
 
-    MeshFileError when the file is not MED or holds no mesh, several, or one with a wrong index.
+    Raises MeshFileError if the file is not MED or holds no mesh, several, or one with a wrong index.
     """
     import h5py
 
@@ -133,7 +133,7 @@ def read_med(path: str | os.PathLike[str]) -> RawMesh:
             return _read(opened, file)
     except MeshFileError:
         raise
-    except Exception as fault:  # h5py raises whatever the damaged bytes lead it to, RuntimeError and TypeError included
+    except Exception as fault:  # damaged bytes make h5py raise almost anything, RuntimeError and TypeError included
         reason = " ".join(str(fault).split())
         raise MeshFileError(f"{file}: not a readable MED file ({type(fault).__name__}: {reason[:120]})") from fault
 
@@ -177,10 +177,10 @@ def _columns(data: Any, count: int, width: int | None, file: Path) -> Any:
 
 
 def _check_size(data: Any, file: Path) -> None:
-    """MeshFileError for a dataset that claims to hold far more than it stores."""
+    """Raise MeshFileError for a dataset that claims far more bytes than it stores."""
     claimed = int(np.prod(data.shape)) * data.dtype.itemsize
     if claimed > MAX_STRETCH * max(data.id.get_storage_size(), 1):
-        raise MeshFileError(f"{file}: {data.name}: says to hold {claimed} bytes, but stores almost none of them")
+        raise MeshFileError(f"{file}: {data.name}: claims {claimed} bytes, but stores almost none of them")
 
 
 def _family(group: Any, count: int, file: Path) -> IntArray:

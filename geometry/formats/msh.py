@@ -58,7 +58,7 @@ class _File:
         return b""
 
     def rest_of(self, section: bytes) -> bytes:
-        """What is left of a section; the next line is the one behind `$End...`."""
+        """Return the rest of a section and move to the line after its `$End...`."""
         begin, end = self.at, self.data.find(b"$End" + section, self.at)
         if end < 0:
             raise MeshFileError(f"{self.name}: ${section.decode(errors='replace')} has no end: the file is truncated")
@@ -67,10 +67,10 @@ class _File:
         return self.data[begin:end]
 
     def raw(self, kind: str | list, count: int) -> np.ndarray:
-        """So many numbers, or rows of them, of a numpy type."""
+        """Read `count` numbers, or rows of them, of a numpy type."""
         row = np.dtype(kind).newbyteorder(self.byte_order)
         if count < 0 or self.at + row.itemsize * count > len(self.data):
-            raise MeshFileError(f"{self.name}: {count} numbers were announced, the file is truncated")
+            raise MeshFileError(f"{self.name}: {count} numbers were announced, but the file is truncated")
         found = np.frombuffer(self.data, row, count, self.at)
         self.at += row.itemsize * count
         return found
@@ -81,7 +81,7 @@ class _File:
             found = self.raw(kind, count)
         else:
             if count < 0 or len(self.words) < count:
-                raise MeshFileError(f"{self.name}: {count} numbers were announced, {len(self.words)} are there")
+                raise MeshFileError(f"{self.name}: {count} numbers were announced, {len(self.words)} were found")
             words = [self.words.pop() for _ in range(count)]
             found = np.array(words, dtype=float if kind == "f8" else np.int64)
         return found if kind == "f8" else found.astype(np.int64)
@@ -111,7 +111,7 @@ def read_msh(file: Path) -> RawMesh:
     Raises
     ------
     MeshFileError
-        For a version, an element or a section that is not read, and for a file that is torn.
+        For a version, an element or a section that is not read, and for a truncated file.
     """
     read = _File(file.read_bytes(), str(file))
     if read.line() != b"$MeshFormat":
@@ -198,7 +198,7 @@ def _nodes_2(read: _File) -> None:
         return
     words = read.rest_of(b"Nodes").split()
     if len(words) != 4 * count:
-        raise MeshFileError(f"{read.name}: $Nodes: {count} nodes were announced, {len(words)} numbers are there")
+        raise MeshFileError(f"{read.name}: $Nodes: {count} nodes were announced, {len(words)} numbers were found")
     table = np.array(words).reshape(count, 4)
     read.tags, read.points = table[:, 0].astype(np.int64), table[:, 1:].astype(float)
 
@@ -217,7 +217,7 @@ def _elements_2(read: _File) -> None:
         else:
             kept.setdefault(name, []).append((nodes, known.setdefault(key, inside)))
     if found != count:
-        raise MeshFileError(f"{read.name}: $Elements: {count} elements were announced, {found} are there")
+        raise MeshFileError(f"{read.name}: $Elements: {count} elements were announced, {found} were found")
     for name, rows in kept.items():
         read.add(name, np.array([nodes for nodes, _ in rows]), [tuple(sorted(inside)) for _, inside in rows])
 
@@ -230,12 +230,12 @@ def _text_rows(read: _File, count: int) -> Iterator[tuple[int, IntArray, IntArra
             continue
         size = read.type(int(words[1]))[1] if len(words) > 2 else 0
         if len(words) < 3 or len(words) != 3 + words[2] + size:
-            raise MeshFileError(f"{read.name}: $Elements: line {line[:60].decode(errors='replace')!r} is torn")
+            raise MeshFileError(f"{read.name}: $Elements: line {line[:60].decode(errors='replace')!r} is truncated")
         yield int(words[1]), words[3 : 3 + words[2]], words[3 + words[2] :]
 
 
 def _binary_rows(read: _File, count: int) -> Iterator[tuple[int, IntArray, IntArray]]:
-    """The same from blocks of elements of one type."""
+    """Type, tags and nodes of each element, from binary blocks of elements of one type."""
     while count > 0:
         kind, rows, tags = read.raw("i4", 3).tolist()
         width = 1 + tags + read.type(kind)[1]

@@ -1,4 +1,4 @@
-"""A mesh as other programs name it: blocks of one cell type each, named groups of cells and of nodes.
+"""A mesh as other programs store it: blocks of one cell type each, named groups of cells and of nodes.
 
 Local nodes stand in VTK's order here; `PLACES` says which corners each local node is the middle of.
 """
@@ -77,7 +77,7 @@ def mirrored(cell_type: str, places: Rings) -> list[list[int]]:
 
 
 def require_file(file: Path) -> None:
-    """MeshFileError where no regular file stands: a device or a pipe may have no end."""
+    """Raise MeshFileError unless the path is a regular file: a device or a pipe may have no end."""
     if not file.is_file():
         what = "not a regular file" if file.exists() else "no such mesh file"
         raise MeshFileError(f"{file}: {what}")
@@ -87,7 +87,7 @@ def require_file(file: Path) -> None:
 class RawMesh:
     """Points (n, 3), blocks (cell type, nodes (m, k)), groups of cells {name: {block: cells}} and of nodes {name: nodes}.
 
-    left_out: what the file says that would change modes and is not read.
+    left_out: definitions in the file that would change the modes and are not read.
     """
 
     points: FloatArray
@@ -136,7 +136,7 @@ def corner_keys(facets: IntArray, corners: int) -> IntArray:
 
 
 def rows_in(rows: IntArray, table: IntArray) -> IntArray:
-    """For each row its place in `table` (unique rows), -1 where it has none."""
+    """Place of each row in `table` (unique rows), -1 if absent."""
     both, inverse = np.unique(np.vstack([table, rows]), axis=0, return_inverse=True)
     place = np.full(len(both), -1, dtype=np.int64)
     place[inverse[: len(table)]] = np.arange(len(table))
@@ -174,14 +174,14 @@ def placed_middles(points: FloatArray, cells: IntArray, cell_type: str, file: st
         return np.take_along_axis(middles, nearest, axis=1)
     far = np.flatnonzero((np.linalg.norm(points[middles] - middle, axis=2) > size[:, None]).any(axis=1))
     if len(far):
-        raise MeshFileError(f"{file}: element {far[0]}: a middle node lies outside the element: order not understood")
+        raise MeshFileError(f"{file}: element {far[0]}: a middle node lies outside the element: unknown node order")
     return middles  # curved: check_mesh looks at the map itself
 
 
 def completed(raw: RawMesh, file: str) -> RawMesh:
     """The mesh with its square faces' and hexahedra's middles.
 
-    A face that a complete element beside it names a middle of keeps that one. MeshFileError as `placed_middles`.
+    A face keeps the middle that a complete neighbouring element names for it. Raises MeshFileError as `placed_middles`.
     """
     if not any(kind in FULL and len(block) for kind, block in raw.blocks):
         return raw
@@ -235,6 +235,6 @@ def _named_middles(raw: RawMesh, file: str) -> tuple[IntArray, IntArray]:
 def _face_middle(
     points: FloatArray, corners: IntArray, edges: IntArray, kind: str, face: tuple[int, ...]
 ) -> FloatArray:
-    """Where the map without it puts the middle of a square face: half its edges' middles less a quarter of its corners."""
+    """Middle of a square face by the map without it: half the sum of its edges' middles less a quarter of its corners."""
     around = [i for i, edge in enumerate(PLACES[kind][CORNER_COUNT[kind] :]) if set(edge) <= set(face)]
     return np.asarray(points[edges[:, around]].sum(axis=1) / 2.0 - points[corners[:, list(face)]].sum(axis=1) / 4.0)

@@ -1,4 +1,4 @@
-"""Meshes of others read into our order: regions and faces named as the file's groups, every fault one line."""
+"""Meshes of other programs in our node order: regions and faces named as the file's groups, one line per fault."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from geometry.mesh import AnyMesh, Mesh, MixedMesh, check_mesh
 UNITS = {"m": 1.0, "mm": 1e-3}
 SUFFIXES = (".med", ".msh", ".inp")
 SURFACES = (".stl", ".obj", ".ply")
-OWN = ("plate", "pillar", "tip")  # groups with a material of their own; what is in none of them is plate
+OWN = ("plate", "pillar", "tip")  # groups with a material of their own; all other cells are plate
 KINDS = {cell_type: key for key, cell_type in VOLUME.items()}
 READABLE = (*KINDS, *FULL)
 # the four corners whose edges from the first span an element
@@ -45,13 +45,13 @@ COINCIDENT = 1e-6  # of the mesh's length: nodes of two bodies this close were m
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A mesh in our order, and what its file says besides.
+    """A mesh in our node order, with further findings about its file.
 
     mesh: regions and faces named as the file's groups; elements of several kinds make a MixedMesh.
     parts: bodies that share no node.
     coincident: nodes that lie where a node of another body lies, within COINCIDENT of the mesh's length.
     unused: nodes that belong to no element.
-    left_out: what would change the modes and is not read, as the file names it.
+    left_out: definitions that would change the modes and are not read, as the file names them.
     """
 
     mesh: AnyMesh
@@ -76,7 +76,7 @@ def read_mesh(file: str, unit: str = "m", merge: float = 0.0) -> MeshFile:
     Raises
     ------
     MeshFileError
-        For a file that is not read, and for a mesh that cannot serve.
+        For a file that cannot be read, and for a mesh that cannot be used.
     """
     raw = _read(Path(file))
     _check_raw(raw, file)
@@ -96,7 +96,7 @@ def _merged(raw: RawMesh, tolerance: float) -> RawMesh:
 
 
 def _bodies(mesh: AnyMesh) -> tuple[int, int]:
-    """How many bodies share no node, and how many nodes lie where one of another body does."""
+    """Number of bodies that share no node, and number of nodes that coincide with one of another body."""
     pairs = [np.stack(np.broadcast_arrays(block.cells[:, :1], block.cells), -1).reshape(-1, 2) for block in mesh.blocks]
     parts, label = _components(np.vstack(pairs), len(mesh.nodes))
     if parts == 1:
@@ -113,7 +113,7 @@ def _near(points: FloatArray, tolerance: float) -> IntArray:
 
 
 def _components(pairs: IntArray, count: int) -> tuple[int, IntArray]:
-    """How many groups `count` nodes fall into that pairs (k, 2) connect, and the group of each."""
+    """Number of groups of `count` nodes connected by pairs (k, 2), and the group of each."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -128,7 +128,7 @@ def _mesh(raw: RawMesh, file: str, unit: str) -> AnyMesh:
     types = sorted({FULL.get(cell_type, cell_type) for cell_type in given})
     if len({KINDS[cell_type][1] for cell_type in types}) > 1:
         named = " and ".join(given)
-        raise MeshFileError(f"{file}: holds {named}: elements with and without middle nodes do not fit together")
+        raise MeshFileError(f"{file}: holds {named}: elements with and without middle nodes cannot be combined")
     chosen = {name: [i for i, (cell_type, _) in enumerate(raw.blocks) if cell_type == name] for name in types}
     cells = {name: np.vstack([raw.blocks[i][1] for i in chosen[name] if len(raw.blocks[i][1])]) for name in types}
     for name, block in cells.items():
@@ -151,7 +151,7 @@ def _mesh(raw: RawMesh, file: str, unit: str) -> AnyMesh:
 
 
 def _volume_types(raw: RawMesh, file: str) -> list[str]:
-    """The cell types of the volume elements. MeshFileError when there are none, or some that are not read."""
+    """The cell types of the volume elements. Raises MeshFileError if there are none, or some that are not read."""
     given = list(dict.fromkeys(kind for kind, block in raw.blocks if len(block) and DIMENSION.get(kind, 3) == 3))
     for cell_type in given:
         if cell_type not in READABLE:
@@ -163,7 +163,7 @@ def _volume_types(raw: RawMesh, file: str) -> list[str]:
 
 
 def _check_raw(raw: RawMesh, file: str) -> None:
-    """MeshFileError for a coordinate that is no number, and for every index, of nodes and of groups, that is out of range."""
+    """Raise MeshFileError for a coordinate that is not a number, and for an index of nodes or groups out of range."""
     wrong = np.flatnonzero(~(np.abs(raw.points) <= FARTHEST).all(axis=1))
     if len(wrong):
         text = ", ".join(f"{value:g}" for value in raw.points[wrong[0]])
@@ -189,7 +189,7 @@ def _check_range(indices: IntArray, count: int, where: str, what: str) -> None:
 
 
 def _refuse_twins(corners: IntArray, file: str) -> None:
-    """MeshFileError when two elements have the same corners: their stiffness and mass would count twice."""
+    """Raise MeshFileError if two elements have the same corners: their stiffness and mass would count twice."""
     _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
     twins = np.flatnonzero(count > 1)
     if len(twins):
@@ -208,13 +208,13 @@ def _read(file: Path) -> RawMesh:
 
 
 def _surface(file: Path) -> str:
-    """What is wrong with a surface file, beyond being one."""
+    """Description of a surface file: unreadable, open or closed."""
     import trimesh
 
     try:
         surface: Any = trimesh.load(file, force="mesh")
         edges = np.unique(surface.edges_sorted, axis=0, return_counts=True)[1]
-    except Exception:  # trimesh raises whatever its many readers do
+    except Exception:  # trimesh passes on whatever its many readers raise
         return "not a readable surface"
     open_edges = int((edges == 1).sum())
     return (
@@ -265,7 +265,7 @@ def _faces(raw: RawMesh, blocks: Sequence[Mesh], number: IntArray, file: str) ->
         lost = sum(int((place < 0).sum()) for place, _ in parts)
         lost += sum(len(cells) for i, cells in members.items() if _corners_of(raw, i) not in (0, *shapes))
         if lost:
-            raise MeshFileError(f"{file}: group {name}: {lost} facet(s) are no face of a volume element")
+            raise MeshFileError(f"{file}: group {name}: {lost} facet(s) do not belong to a volume element")
         if parts:
             faces[name] = tuple(full[place] for place, full in parts)
     return faces
@@ -293,7 +293,7 @@ def _facets_by_corners(blocks: Sequence[Mesh]) -> dict[int, tuple[IntArray, IntA
 
 
 def _check_fit(shapes: dict[int, tuple[IntArray, IntArray]], nodes: FloatArray, file: str) -> None:
-    """MeshFileError where triangles lean against a square: displacements would gape there."""
+    """Raise MeshFileError if triangles lean against a square: displacements would gape there."""
     if len(shapes) < 2:
         return
     squares = shapes[4][0]

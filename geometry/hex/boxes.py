@@ -108,7 +108,7 @@ def _outer_faces(mesh: Mesh, boxes: Boxes, solid: IntArray) -> dict[str, IntArra
 
 
 def boxes_of(scene: Scene) -> Boxes:
-    """The tensor grid of a scene and what is solid in it."""
+    """The tensor grid of a scene, with its solid boxes marked."""
     lines_x, lines_y = grid_lines(scene.x, scene.across), grid_lines(scene.y, scene.across)
     z = grid_lines(scene.z, scene.through)
     layers = len(z) - 1
@@ -131,7 +131,7 @@ P = ParamSpec("P")
 
 
 def _boxes(scene: Callable[P, Scene]) -> Callable[P, Boxes]:
-    """What makes the boxes of a scene from what makes the scene."""
+    """Turn a function that makes a scene into one that makes its boxes."""
 
     @wraps(scene)
     def boxes(*args: P.args, **kwargs: P.kwargs) -> Boxes:
@@ -148,7 +148,7 @@ panel_boxes, bonded_boxes = _boxes(panel_scene), _boxes(bonded_scene)
 def _inside(
     x: FloatArray, y: FloatArray, rectangles: FloatArray | None, centre: FloatArray | tuple[float, float] = (0.0, 0.0)
 ) -> BoolArray:
-    """Which intervals of x and y lie in the union of rectangles about a centre, (nx, ny); all where none are given."""
+    """Mask of the x and y intervals inside the union of rectangles about a centre, (nx, ny); all without rectangles."""
     if rectangles is None:
         return np.ones(_cuts(x, y), dtype=bool)
     along, across = ((line[1:] + line[:-1]) / 2.0 - c for line, c in zip((x, y), centre, strict=True))
@@ -190,7 +190,7 @@ def interpolation(coarse: Boxes, fine: Boxes, order: int, coarse_order: int | No
     row, entry = np.nonzero(np.abs(weights) > SAME)
     known = np.minimum(np.searchsorted(theirs, columns[row, entry]), len(theirs) - 1)
     if (theirs[known] != columns[row, entry]).any():
-        raise MeshError("a mesh is not nested in the coarser one: a node lies where that has no element")
+        raise MeshError("a mesh is not nested in the coarser one: a node lies outside the coarser elements")
     from scipy.sparse import csr_array  # slow to import, and of no use to a plan
 
     return csr_array((weights[row, entry], (row, known)), shape=(len(own), len(theirs)))
@@ -204,6 +204,6 @@ def _along_a_line(
     element = np.clip(np.searchsorted(coarse, points, side="right") - 1, 0, len(coarse) - 2)
     local = (points - coarse[element]) / np.diff(coarse)[element]
     if local.min() < -SAME or local.max() > 1.0 + SAME:
-        raise MeshError("a mesh is not nested in the coarser one: it reaches beyond it")
+        raise MeshError("a mesh is not nested in the coarser one: it extends beyond it")
     weights, _ = lagrange(inner, local)
     return order * element[:, None] + np.arange(order + 1), weights, order * (len(coarse) - 1) + 1

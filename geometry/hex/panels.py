@@ -77,7 +77,7 @@ Quadrant = Callable[[float, tuple[float, float], PlanLines], Iterator[Patch]]
 
 @dataclass(frozen=True)
 class PillarChange:
-    """How much higher and wider a pillar is, and how far its foot stands from its place along x and y, m.
+    """Change of a pillar's height and width, and offset of its foot along x and y, m.
 
     Its section keeps its shape: all widths grow by the same ratio.
     """
@@ -100,12 +100,13 @@ class VariedPanel:
 
     @cached_property
     def still(self) -> Mesh:
-        """The mesh of the pillar as it is. MeshError as panel_mesh."""
+        """The mesh of the unchanged pillar. Raises MeshError as panel_mesh."""
         return self._patched.mesh if self.pillar.form.plan in PLANS else self._of_boxes
 
     def moved(self, change: PillarChange) -> Mesh:
-        """The same mesh with the pillar changed; the panel's sides and its thickness stay. MeshError where the foot leaves the
-        panel.
+        """Return the mesh with a changed pillar and the same panel.
+
+        Raises MeshError if the foot leaves the panel.
         """
         if change.height_m <= -self.pillar.height_m:
             raise MeshError("a pillar's height must stay above 0")
@@ -155,7 +156,7 @@ class VariedPanel:
 
 @dataclass(frozen=True)
 class _Shift:
-    """Where the panel's sides and the foot's lay along an axis, and where they lie then, (4,) m each."""
+    """Coordinates of the panel's and the foot's sides along an axis, before and after a change, (4,) m each."""
 
     old: FloatArray
     new: FloatArray
@@ -172,7 +173,7 @@ class _Shift:
             moved = np.where(flush, feet, feet + (0.0 if flush.all() else 2.0 * (grown - 1.0) * ends))
         inner = np.concatenate([moved[:1] + edge, np.diff(moved), edge - moved[1:]])
         if inner[1] <= 0.0 or (inner[[0, 2]] < np.where(flush, 0.0, FLUSH_M) - FLUSH_M / 2.0).any():
-            raise MeshError("a pillar reaches out of its panel: its spread is too wide for the pitch")
+            raise MeshError("a pillar extends beyond its panel: reduce its scatter or increase the pitch")
         return cls(np.array([-edge, *feet, edge]), np.array([-edge, *moved, edge]))
 
     def plate(self, line: FloatArray) -> FloatArray:
@@ -192,7 +193,7 @@ def straight(u: FloatArray, v: FloatArray) -> FloatArray:
 
 
 def disc(radius: float, block: tuple[float, float], lines: PlanLines) -> Iterator[Patch]:
-    """The quadrant x, y >= 0 about a round foot: its middle, a ring up to the rim, what fills the block, the plate beside."""
+    """The quadrant x, y >= 0 about a round foot: its middle, a ring, the rest of the block, and the surrounding plate."""
     turn = lines.turn
 
     def middle(u: FloatArray, v: FloatArray) -> FloatArray:
@@ -223,7 +224,7 @@ def hexagon(flat: float, block: tuple[float, float], lines: PlanLines) -> Iterat
 
 
 def beside(under_x: FloatArray, under_y: FloatArray, lines: tuple[FloatArray, FloatArray]) -> Iterator[Patch]:
-    """The plate beside a block whose edges have such lines, both arms and the corner."""
+    """The plate around a block whose edges have these lines: both arms and the corner."""
     x, y = lines
     for u, v, block in ((x, under_y, (False, True)), (under_x, y, (True, False)), (x, y, (False, False))):
         if len(u) > 1 and len(v) > 1:
@@ -403,7 +404,7 @@ def unfolded(boxes: Boxes, axis: int) -> Boxes:
 def _filling(
     right: Rim, upper: Rim, block: tuple[float, float], under: FloatArray, lines: PlanLines
 ) -> Iterator[Patch]:
-    """What fills the block beyond the right and the upper part of a foot's rim, and the plate beside it."""
+    """Patches between the right and upper part of a foot's rim and the block's edge, and the plate around the block."""
 
     def beyond(u: FloatArray, v: FloatArray) -> FloatArray:
         return _between(right(v), np.column_stack([np.full_like(v, block[0]), block[1] * v]), u)
@@ -422,7 +423,7 @@ def _placed(patch: Patch, mesh: Mesh) -> FloatArray:
 
 
 def _check_joints(mesh: Mesh, thickness: float) -> None:
-    """MeshError where a facet of one element alone lies neither on a side, nor on the plate's faces or beyond them."""
+    """Raise MeshError if a facet of one element alone lies neither on a side, nor on the plate's faces or beyond them."""
     alone = np.sort(_alone(mesh), axis=1)
     z = mesh.nodes[alone, 2] / thickness
     above = (z >= 1.0 - 1e-9).all(axis=1) | (z <= 1e-9).all(axis=1)
@@ -434,7 +435,7 @@ def _check_joints(mesh: Mesh, thickness: float) -> None:
 
 def _outer(mesh: Mesh) -> dict[str, IntArray]:
     """The facets in the planes that bound the mesh, by name."""
-    facets = _alone(mesh)  # what a pillar below hangs from is no face
+    facets = _alone(mesh)  # the face that a pillar below hangs from has no name
     low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
     low[2] = 0.0
     near = 1e-9 * (high - low)
@@ -473,7 +474,7 @@ def _of_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, settings:
 
 
 def _ends(panel: Panel) -> tuple[dict[int, float], dict[int, float]]:
-    """How far the panel's sides lie from the foot along x and y, m, by direction; those beyond a mirror are left out."""
+    """Distances of the panel's sides from the foot along x and y, m, by direction, without those beyond a mirror."""
     assert panel.foot is not None
     ends = []
     for axis in (0, 1):

@@ -1,4 +1,4 @@
-"""Scenes of boxes before they are meshed: where their lines pass, how these are graded, and how many elements they make."""
+"""Scenes of boxes before they are meshed: their grid lines, the grading of these, and the number of elements."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.errors import MeshError
-from geometry.layout import Design, Pillar, Stand
+from geometry.layout import Design, Pillar, PillarGroup
 from geometry.tiling import Panel, lattice_panel
 
 # -- lines -------------------------------------------------------------------------------------------------------------
@@ -36,7 +36,7 @@ class Grading:
 
     @property
     def cuts(self) -> FloatArray:
-        """Where the element next to a singular edge is cut, as fractions of its length from the edge, in ascending order."""
+        """Cuts of the element next to a singular edge, as fractions of its length from the edge, in ascending order."""
         return np.asarray(self.factor ** np.arange(self.layers - self.skipped, 0, -1), dtype=float)
 
 
@@ -109,7 +109,7 @@ class HexSettings:
 
     @property
     def coarser(self) -> HexSettings:
-        """The same without the innermost layer: a mesh nested in this one."""
+        """Settings without the innermost layer: those of a mesh nested in this one."""
         return replace(self, skipped=self.skipped + 1)
 
     @property
@@ -147,7 +147,7 @@ class Foot:
 
 @dataclass(frozen=True)
 class Scene:
-    """Where the lines of a scene of boxes pass, before any is drawn: breakpoints in m, True at singular edges.
+    """Grid lines of a scene of boxes, before it is meshed: breakpoints in m, True at singular edges.
 
     x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without), `feet` of each kind.
     The lowest body fills the rectangles `body` (r, 4) only, where that is given. With two `faces` the mirror images of the
@@ -176,7 +176,7 @@ def zone_scene(design: Design, settings: HexSettings, quarter: bool = True) -> S
 
 
 def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The lone pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim and its own inner edges."""
+    """The isolated pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim and its own inner edges."""
     foot = _foot(pillar)
     x, y = _edges(pillar)
     if quarter:
@@ -196,14 +196,14 @@ def panel_scene(panel: Panel, thickness_m: float, pillar: Pillar | None, setting
         half = (panel.high[axis] - panel.low[axis]) / 2.0
         spans.append(_span(half, False, axis in panel.halved))
     pillar = panel.pillar or pillar
-    stands = (Stand(pillar, np.array([panel.foot]) - middle),) if pillar and panel.foot else ()
+    stands = (PillarGroup(pillar, np.array([panel.foot]) - middle),) if pillar and panel.foot else ()
     return _plate_with_pillars(thickness_m, settings, stands, *spans)
 
 
 def bonded_scene(
     span_m: FloatArray,
     thickness_m: float,
-    stands: tuple[Stand, ...],
+    stands: tuple[PillarGroup, ...],
     box_m: FloatArray,
     back: bool,
     settings: HexSettings,
@@ -242,12 +242,12 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
     y |= {v: False for v in borders if v >= min(y)}
     stands, reach = design.standing(), design.footprint_m / 2.0
     if quarter:
-        stands = tuple(Stand(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in stands)
+        stands = tuple(PillarGroup(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in stands)
     return _plate_with_pillars(design.thickness_m, settings, stands, x, y)
 
 
 def part_scene(design: Design, part: str, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The zone, the lone pillar or the plate."""
+    """The zone, the isolated pillar or the plate."""
     if part == "pillar":
         assert design.pillar
         return pillar_scene(design.pillar, settings, quarter)
@@ -261,7 +261,7 @@ def _span(half: float, singular: bool, quarter: bool) -> dict[float, bool]:
 def _plate_with_pillars(
     thickness_m: float,
     settings: HexSettings,
-    stands: tuple[Stand, ...],
+    stands: tuple[PillarGroup, ...],
     x: dict[float, bool],
     y: dict[float, bool],
 ) -> Scene:
@@ -285,7 +285,7 @@ def _plate_with_pillars(
 
 
 def _edges(pillar: Pillar) -> tuple[dict[float, bool], dict[float, bool]]:
-    """Where the sides of foot and heavy tip lie along x and y, m, and whether an edge there is re-entrant."""
+    """Coordinates of the sides of foot and heavy tip along x and y, m, and whether the edge there is re-entrant."""
     foot = _foot(pillar)
     tip = np.empty((0, 4)) if pillar.tip is None else pillar.tip.rectangles
     sides: list[dict[float, bool]] = []
@@ -311,18 +311,18 @@ def _foot(pillar: Pillar) -> FloatArray:
     if rectangles is None or pillar.fillet_m:
         what = f"{pillar.shape} pillar{' with a fillet' if pillar.fillet_m else ''}"
         raise MeshError(
-            f"a {what} is not made of boxes: hexahedra in straight lines cannot follow it, nor what is bonded over it"
+            f"a {what} is not made of boxes: structured hexahedra cannot follow it, nor a body bonded over it"
         )
     return rectangles
 
 
 # -- counts ------------------------------------------------------------------------------------------------------------
-# Exact sizes of a mesh from its breakpoints: nothing is meshed, and a mesh too large to make is counted too.
+# Exact sizes of a mesh from its breakpoints, without meshing, so that a mesh too large to build is counted too.
 
 
 @dataclass(frozen=True)
 class Block:
-    """Boxes alike but for their counts: elements along x and y, one entry a column and a row of them, and along z.
+    """Boxes alike but for their counts: elements along x and y, one entry per column and per row of them, and along z.
 
     A union of rectangles is counted by inclusion and exclusion: what several share has the sign -1, +1 in turn. A block that
     `stands` on another shares its lowest nodes.
@@ -335,7 +335,7 @@ class Block:
     sign: int = 1
 
     def total(self, along: Callable[[int], int]) -> int:
-        """A figure that is a product over the axes, less what the feet share with what they stand on."""
+        """A count that is a product over the axes, less the part that feet share with the bodies below."""
         return self.sign * sum(map(along, self.x)) * sum(map(along, self.y)) * (along(self.z) - self.stands)
 
 

@@ -1,6 +1,6 @@
-"""Quadratic tetrahedra of a CAD body: surface -> pytetwild -> snapped onto the CAD faces -> checked, or refused.
+"""Quadratic tetrahedra of a CAD body: surface -> pytetwild -> snapped onto the CAD faces -> checked, or rejected.
 
-pytetwild is not deterministic: a mesh is known by its sha256, not by what it was made from.
+pytetwild is not deterministic: a mesh is identified by its sha256, not by its inputs.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SAME_PLANE_MM = 1e-6
 
 SAGITTA_PER_EDGE = 1 / 16  # of a chord as long as an edge on a curve of twice its radius
 EPSILON_PER_EDGE, ATTEMPTS = 1 / 60, 3  # how far the mesher's surface may leave the CAD's before snapping
-EPSILON_PER_DIAGONAL = 1e-3  # the mesher's own default, a ceiling when the edge is long beside the body
+EPSILON_PER_DIAGONAL = 1e-3  # the mesher's own default, a limit when the edge is long compared with the body
 FLAT_QUALITY = 1e-3  # mean-ratio quality of a tetrahedron that is as good as flat (regular: 1)
 PART_TOLERANCE = 1e-3  # relative volume error allowed to each bonded part
 REGIONS = ("plate", "pillar", "tip")
@@ -223,7 +223,7 @@ def tet_mesh(
         except MeshError as fault:
             if attempt == attempts:
                 raise MeshError(f"{fault} (after {attempt} attempt(s), the last with epsilon {epsilon:.1e})") from fault
-            log.warning("mesh refused (%s): trying again with epsilon %.1e", fault, epsilon / 2.0)
+            log.warning("mesh rejected (%s): trying again with epsilon %.1e", fault, epsilon / 2.0)
             epsilon /= 2.0
     raise MeshError(f"attempts must be at least 1, got {attempts}")
 
@@ -239,7 +239,7 @@ def check_parts(mesh: Mesh, body: Body) -> None:
         if abs(volume - exact) > PART_TOLERANCE * exact:
             raise MeshError(
                 f"the {name} part of the mesh is {volume / exact - 1.0:+.1e} off its CAD volume, "
-                f"allowed is {PART_TOLERANCE:.0e}: its face to the other material was not kept"
+                f"allowed is {PART_TOLERANCE:.0e}: the mesher did not keep its face to the other material"
             )
 
 

@@ -1,4 +1,4 @@
-"""The scenes of a design by tetrahedra: zone, pillar, panel, unit cell, and a plate put together from mirrored columns."""
+"""The scenes of a design by tetrahedra: zone, pillar, panel, unit cell, and a plate assembled from mirrored columns."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ ROUNDING, FILLETED = 1e-9, 1e-6
 
 @dataclass(frozen=True)
 class Columns:
-    """How a quarter x, y >= 0 is put together: half a column of width half_m, its pillar's middle at x = 0, `count` times, the
+    """Columns of a quarter x, y >= 0: half a column of width half_m, its pillar's middle at x = 0, `count` times, the
     last one stretched beyond foot_m until it is end_m wide; `begins_at_pillar`: whether one stands at the plate's middle.
     """
 
@@ -92,13 +92,13 @@ class Columns:
         return replace(design, length_m=2.0 * self.half_m)
 
     def stretched(self, x: FloatArray) -> FloatArray:
-        """Where the planes x of a column lie in the last one."""
+        """Map x of a column to x in the last, stretched one."""
         beyond = self.foot_m + (x - self.foot_m) * (self.end_m - self.foot_m) / (self.half_m - self.foot_m)
         return np.where(x > self.foot_m, beyond, x)
 
 
 def tet_quarter(design: Design, edge_m: float, columns: Columns, size: NearSegments) -> Mesh:
-    """The quarter x, y >= 0 of a plate of such columns. MeshError where a mesh is refused."""
+    """The quarter x, y >= 0 of a plate of such columns. Raises MeshError for a rejected mesh."""
     body = solids.plate_solid(columns.alone(design), "xy")
     column = tet_mesh(body, edge_m, size)
     quarter = _assembled(column, columns)
@@ -182,7 +182,7 @@ def tet_zone(design: Design, edge_m: float, mirrors: str = "") -> Mesh:
 
 
 def tet_pillar(pillar: Pillar, edge_m: float) -> Mesh:
-    """The lone pillar (its foot is face "foot"), finer near the rim of its foot, which a clamp makes singular."""
+    """The isolated pillar (its foot is face "foot"), finer near the rim of its foot, which a clamp makes singular."""
     return tet_mesh(solids.pillar_solid(pillar), edge_m, _graded(_rims(pillar, 0.0), edge_m))
 
 
@@ -205,7 +205,7 @@ def tet_plate(design: Design, edge_m: float, quarter: bool = False) -> Mesh:
 
 
 def tet_part(design: Design, part: str, edge_m: float, quarter: bool = False) -> Mesh:
-    """The zone or the plate, whole or the quarter x, y >= 0, or the whole lone pillar."""
+    """The zone or the plate, whole or the quarter x, y >= 0, or the whole isolated pillar."""
     if part == "pillar":
         assert design.pillar
         return tet_pillar(design.pillar, edge_m)

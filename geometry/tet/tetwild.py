@@ -46,7 +46,7 @@ def tetrahedralize(request: dict[str, Any]) -> tuple[FloatArray, IntArray]:
     with np.load(io.BytesIO(tetrahedra.stdout)) as answer:
         vertices, cells = answer["vertices"], answer["cells"]
     if not len(cells):
-        raise MeshError("pytetwild returned no tetrahedron")
+        raise MeshError("pytetwild returned no tetrahedra")
     flipped = tet_volumes(vertices, cells) < 0.0  # cells of positive volume are returned
     cells[flipped, :2] = cells[flipped, 1::-1]
     return vertices, cells
@@ -172,7 +172,7 @@ def _leave_no_file() -> None:
 
 
 def _die_with_parent() -> None:
-    """On Linux a killed parent takes this process along; elsewhere it ends at its broken pipe."""
+    """End this process with its parent: by a signal on Linux, elsewhere at its broken pipe."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 

@@ -44,10 +44,10 @@ from solvers.driven.error_bars import (
 from solvers.driven.forms import face_grams
 from solvers.driven.several_patches import curve_half_widths, peak_half_widths, zone_volts, zones_of
 from solvers.measures.confinement import ratio_db
-from solvers.measures.target_mode import SIMILAR
+from solvers.measures.target_mode import MIN_MAC
 from solvers.piezo import responses
 from solvers.piezo.forced import Curve, Drive, ForcedPlate
-from solvers.piezo.patch import Beneath, BondedPatch, bonded_patch, patch_mesh, pillars_beneath
+from solvers.piezo.patch import BondedPatch, StaticCorrection, bonded_patch, patch_mesh, pillars_beneath
 from solvers.piezo.patched_plate import PatchedPlate, coupled_classes
 from solvers.piezo.responses import (
     Peak,
@@ -130,7 +130,7 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
         symmetries = model.symmetries if len(coupled_classes(bonded)) > 1 else (None,)
         plates = {plate.symmetry: plate for plate in map(model.assembled, symmetries)}
         middle_hz = (band_hz[0] + band_hz[1]) / 2.0
-        beneath = Beneath(model.reductions, MatrixCache())
+        beneath = StaticCorrection(model.reductions, MatrixCache())
         plate = PatchedPlate(plates, bonded, patches.face == "back", model.name, beneath, middle_hz)
     if plate.undriven:
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
@@ -398,7 +398,7 @@ def _curve(forced: ForcedPlate, tone: float) -> tuple[float, Curve]:
 
 def _warn_of_shape(number: int, zone: DrivenZone, log: Log) -> None:
     """Warn of a zone whose largest motion differs from the target shape."""
-    if zone.mac is not None and zone.mac < SIMILAR:
+    if zone.mac is not None and zone.mac < MIN_MAC:
         log.warning(
             "OTHER_PEAK",
             f"zone {number + 1} moves most at {frequency(zone.peak_hz, zone.peak_error)}, but not in the target shape "

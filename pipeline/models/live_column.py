@@ -20,7 +20,7 @@ from pipeline.planning.mesh_rules import search_window_hz
 from solvers.analytic.predesign import free_kx_per_m, strip_of
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile
-from solvers.measures.target_mode import LEAD, SIMILAR, Found, Verdict, search, weights
+from solvers.measures.target_mode import LEAD, MIN_MAC, Found, Verdict, search, weights
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
@@ -236,7 +236,7 @@ class LivePlate:
             return ()
         every = weights(found.modes)
         least = every[best] / LEAD
-        may_be = [mode.mac >= SIMILAR and mode.frequency_hz >= self.searched[0] for mode in found.modes]
+        may_be = [mode.mac >= MIN_MAC and mode.frequency_hz >= self.searched[0] for mode in found.modes]
         near = np.flatnonzero(np.array(may_be) & (every >= least)).tolist()
         return (first + best, *(first + i for i in near if i != best))
 

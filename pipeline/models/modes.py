@@ -51,7 +51,7 @@ from solvers.accuracy import calibration
 from solvers.accuracy.mesh import largest
 from solvers.accuracy.reduction import ModeErrors, mode_errors, more_below
 from solvers.fem.eigen import Count, Modes, PlainPencil, Shared, modes_in_band, modes_near
-from solvers.fem.factor import side_by_side
+from solvers.fem.factor import parallel_map
 from solvers.fem.missing_mode import largest_outside
 from solvers.fem.solid import Pencil
 from solvers.measures.confinement import (
@@ -385,7 +385,7 @@ def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: C
     def few(symmetry: str | None) -> _Class:
         return solved(symmetry, coarse.counts[symmetry] if coarse else query.count)
 
-    each = side_by_side(few, _classes(model, query.symmetry), demand.cost.peak.bytes)
+    each = parallel_map(few, _classes(model, query.symmetry), demand.cost.peak.bytes)
     if coarse:
         farthest = _farthest(query, each)
         each = [one if _reach(query.near_hz, one.count) > farthest else solved(one.symmetry) for one in each]

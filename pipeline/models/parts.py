@@ -28,9 +28,9 @@ from pipeline.records import store
 from pipeline.records.record import MeshRecord
 from solvers.accuracy.mesh import (
     CoarserMeshes,
+    ErrorFractions,
     LowerOrders,
     Nested,
-    Shares,
     StressRecovery,
     clamped_shares,
     rim_shares,
@@ -150,7 +150,7 @@ def _lower_orders(
     return LowerOrders(order, lower, degree, max(x, y), z)
 
 
-def _shares(design: Design, part: str, mesh: HexSettings) -> Shares:
+def _shares(design: Design, part: str, mesh: HexSettings) -> ErrorFractions:
     """Error fractions of the singular edges of a part."""
     pillar = design.pillar
     if part == "plate":
@@ -160,10 +160,14 @@ def _shares(design: Design, part: str, mesh: HexSettings) -> Shares:
     return clamped_shares(design.stack.mean, mesh, thickness_m=design.thickness_m)
 
 
-def foot_shares(design: Design, mesh: HexSettings) -> Shares:
+def foot_shares(design: Design, mesh: HexSettings) -> ErrorFractions:
     """Error fractions of the rims of a plate's feet; a plate without pillars has no singular edges."""
     pillar = design.pillar
-    return rim_shares(design.stack.back, pillar.material, mesh, *pillar.joints) if pillar else Shares(order=mesh.order)
+    return (
+        rim_shares(design.stack.back, pillar.material, mesh, *pillar.joints)
+        if pillar
+        else ErrorFractions(order=mesh.order)
+    )
 
 
 def _assembled(design: Design, choice: ModelChoice, log: Log) -> PlateModel:

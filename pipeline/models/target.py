@@ -22,7 +22,7 @@ from pipeline.records.part import live
 from solvers.fem.eigen import Count, Modes
 from solvers.measures.confinement import Confinement
 from solvers.measures.target_mode import (
-    CLEAR,
+    MIN_MAC_SINGLE,
     NONE,
     Largest,
     Status,
@@ -259,7 +259,11 @@ def _level(row: ModeRow) -> str:
 
 
 def _alone(row: ModeRow) -> str:
-    return f"; no other is a quarter as strong, but its MAC is below {CLEAR:g}" if (row.mac or 0.0) < CLEAR else ""
+    return (
+        f"; no other is a quarter as strong, but its MAC is below {MIN_MAC_SINGLE:g}"
+        if (row.mac or 0.0) < MIN_MAC_SINGLE
+        else ""
+    )
 
 
 def warn_of_target(target: Target, case: Case, log: Log) -> None:

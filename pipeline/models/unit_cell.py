@@ -29,7 +29,7 @@ from pipeline.planning.refinement import describe_change, higher_degree, more_mo
 from pipeline.planning.resources import ResourceEstimate
 from pipeline.quantity import percent
 from pipeline.records.record import MeshRecord
-from solvers.accuracy.mesh import Nested, Shares, prolonged_eigenvalues
+from solvers.accuracy.mesh import ErrorFractions, Nested, prolonged_eigenvalues
 from solvers.accuracy.reduction import (
     STILL,
     ModeErrors,
@@ -334,7 +334,7 @@ class WholeCell:
     own: BlochCell
     layer: Nested[BlochCell] | None
     order: Nested[BlochCell]
-    shares: Shares
+    shares: ErrorFractions
 
     @classmethod
     def of(cls, design: Design, settings: HexSettings) -> WholeCell:
@@ -373,7 +373,7 @@ class WholeCell:
         layer = (
             change(self.layer) if self.layer else order
         )  # the error at singular edges; a bare cell's shares ignore it
-        none, taken = np.zeros(count), self.shares.taken * layer
+        none, taken = np.zeros(count), self.shares.correction * layer
         best, half = tones[::copies] / (1.0 + taken), self.shares.half_width(layer, order)
         lowest = np.argsort(best, kind="stable")[:count]
         return best[lowest], ModeErrors(none, none, none, taken[lowest], half[lowest])

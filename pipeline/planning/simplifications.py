@@ -105,7 +105,7 @@ def mirror_images(design: Design, part: str, scattered: bool = False) -> Simplif
 def _own_image(design: Design, part: str) -> bool:
     if part == "plate":
         return design.is_mirrored
-    return design.pillar is None or design.pillar.is_own_image
+    return design.pillar is None or design.pillar.is_symmetric
 
 
 def alike_cells(design: Design, scattered: bool = False) -> Simplification | None:

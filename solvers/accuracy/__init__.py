@@ -1,1 +1,1 @@
-"""How far off a number may be: by a mesh, by a reduction, and as measured once on reference parts."""
+"""Errors of meshes and of reductions, and the errors measured once on reference parts."""

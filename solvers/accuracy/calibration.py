@@ -1,4 +1,4 @@
-"""What each mesh did to the frequencies of the reference parts: the committed table that planner and error bars read.
+"""Measured errors of meshes on the reference parts: the committed table that planner and error bars read.
 
 `python -m studies.accuracy` writes `calibration.csv` from the stored accuracy study: the largest relative error of each part
 by element, order, graded layers and share of the planner's own element size, or tetrahedra across; of the zone's hexahedra at
@@ -22,7 +22,7 @@ PLATE, MIXING = "plate", "mixing"
 # of the study's parts: thickness over half-wavelength, side over height
 SLENDER = {"zone": 8 * 2.0 / 115.5, "pillar": 2.0 / 6.3}
 # tests/verification/test_error_bars.py counts how often the bar holds on other scenes; tetrahedra differ from run to run
-SAFETY = {HEX: 1.5, TET: 2.0, PLATE: 1.25}  # a plate's modes lie far below the highest bands that a cell is asked for
+SAFETY = {HEX: 1.5, TET: 2.0, PLATE: 1.25}  # a plate's modes lie far below the highest bands computed for a cell
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class MeshLevel:
     """One calibrated mesh: order, layers graded towards singular edges and their factor, element size over the part's
     own.
 
-    The size is that in the plate; of a lone pillar, whose section takes two elements, that along it.
+    The size is that in the plate; of an isolated pillar, whose section takes two elements, that along it.
     """
 
     order: int
@@ -111,14 +111,14 @@ def by_theory(part: str, theory: str, slender: float) -> float | None:
     """Expected error of an analytic frequency at a ratio of the part's sides; None for a theory that was not
     measured.
 
-    What a beam or a plate theory leaves out, shear, rotary inertia or a foot's Poisson strain, grows as the ratio squared.
+    Effects that beam and plate theories neglect (shear, rotary inertia, Poisson strain at a foot) grow as the ratio squared.
     """
     rows = [row.error for row in table() if (row.part, row.kind) == (part, theory)]
     return SAFETY[HEX] * rows[0] * max(1.0, slender / SLENDER[part]) ** 2 if rows else None
 
 
 def mixing() -> float | None:
-    """Share of the bound by `mode_mixing` that a confinement is expected to change by."""
+    """Expected change of a confinement, as a fraction of the bound by `mode_mixing`."""
     return _least(HEX, [row for row in table() if (row.part, row.kind) == (PLATE, MIXING)])
 
 

@@ -33,53 +33,56 @@ if TYPE_CHECKING:
     from solvers.superelement.cell import MeshError
 
 # -- nested meshes -----------------------------------------------------------------------------------------------------
-# The error of a mesh, told by two coarser ones nested in it: one without the innermost layer, one of an order less.
-# Where displacements go as r^a at an edge, the finer mesh still errs by a share of what the innermost layer brought
-# that follows from a, the order and the layers (babuska1981); away from the edge the last order brought more than any
-# further one will, but for motions of a parity to which it brought nothing: lower modes of the class tell what those
-# hide. Of a body meshed whole no coarser modes are searched: one inverse iteration about an s amid the modes u of the
-# finer mesh solves (K_c - s M_c) v = P' M u, P what carries the coarser mesh's fields to the finer one, and leaves
-# little of modes that lie further off than they; Rayleigh's quotients on the span of all v are the coarser
+# The error of a mesh, estimated from two coarser ones nested in it: one without the innermost layer, one of an order less.
+# Where displacements go as r^a at an edge, the finer mesh still errs by a share of the innermost layer's change
+# that follows from a, the order and the layers (babuska1981); away from the edge the last order changed more than any
+# further one will, except for motions of a parity that it did not change: lower modes of the class show what those
+# hide. A body meshed whole needs no search for coarser modes. One inverse iteration about an s amid the modes u of the
+# finer mesh solves (K_c - s M_c) v = P' M u, P the prolongation of the coarser mesh's fields to the finer one, and damps
+# modes farther away than they are; Rayleigh's quotients on the span of all v are the coarser
 # eigenvalues to second order in what is left, paired with the modes by their overlap (boffi2010).
 
-BELOW, APART = 0.97, 0.01  # a shift: of the lowest eigenvalue, and how far from any, relative
-# of what the last order brought away from the edge: more than further ones bring there
+BELOW, APART = 0.97, 0.01  # a shift, over the lowest eigenvalue, and its least relative distance from any eigenvalue
+# of the last order's change away from the edge: more than further orders change there
 SMOOTH, CLAMPED_SMOOTH = 0.035, 0.02
-# of what the last order brings at the edge: so much of it may be none of the edge's, and cancel what is not
-SHADE = 0.5
-# of the share at a clamped face beside elements longer than it is thick: the layer brings the smooth boundary layer, too.
+# of the last order's change at the edge: this part may come from elsewhere and cancel the edge's
+EDGE_UNCERTAINTY = 0.5
+# of the share at a clamped face next to elements longer than it is thick: the layer brings the smooth boundary layer, too.
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
 LONG = 0.6
 ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
-# of what the elements beside the innermost one miss by themselves, of motion in the plane across an edge and along it: as
-# finite elements about wedges tell (tests/solvers/accuracy/test_rim_by_elements.py)
+# of the own error of the elements next to the innermost one, of motion in the plane across an edge and along it: as
+# finite elements about wedges show (tests/solvers/accuracy/test_rim_by_elements.py)
 OUTER_ACROSS, OUTER_ALONG = 0.65, 0.35
-# of the layer's change what moves in the plane across a rim: 74 cells of `python -m studies.error_bars` and of seeds 7 and 8
-# err least with 0.65 to 0.85, and round pillars that twist have next to none of it
+# part of the layer's change due to motion in the plane across a rim: 74 cells of `python -m studies.error_bars` and of seeds
+# 7 and 8 err least with 0.65 to 0.85, and round pillars that twist have next to none of it
 ACROSS = 0.7
-# half-ranges between both that a share is uncertain by, by order: the higher it is, the more the weaker singularities differ
+# uncertainty of a share in half-ranges between both, by order: the higher it is, the more the weaker singularities differ
 RANGES = {3: 0.15, 4: 1.1}
-# of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
+# of a mode's energy: least part in motions that the elements resolve badly, the source of the whole error
 UNRESOLVED = 0.5
-# of what the last order changes in a plate thinner than its elements are long: the rest is that order two locks in bending
+# of the last order's change in a plate thinner than its elements are long: the rest is that order two locks in bending
 UNLOCKED = 0.5
 LAYER = 2.106  # decay of the slowest layer in the plane along a free edge, by half a thickness: sin 2x + 2x = 0 (horgan1983)
 DEGREES = 12  # of a layer's degrees beyond the order, whose energies fall faster than a geometric series
-HIDDEN = 0.5  # of the largest half-width by short waves of the modes below it: so much one of them may hide
+HIDDEN = 0.5  # of the largest half-width by short waves of the modes below: the part that a mode may hide
 # of the share: one radial function stands for the whole of an edge
 RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = 0.1, 0.3, 0.15
 
 
 @dataclass(frozen=True)
-class Shares:
-    """Share of the layer's change that is left, its uncertainty, and what the order changes at the edge beside the layer.
+class ErrorFractions:
+    """Fractions that turn the changes of two coarser meshes into a correction and its uncertainty.
 
-    doubt: of the share of what the layer brings beyond what the order's change lets the edge have; order: of the mesh, 0 where
-    no order less was meshed; waves: of the order's change away from the edge what is of short waves.
+    correction: fraction of the layer's change that remains; uncertainty: of that fraction; edge: change by the order over that
+    by the layer.
+
+    doubt: uncertain fraction of the layer's change beyond the edge's part in the order's change; order: of the mesh, 0 if no
+    order less was meshed; waves: fraction of the order's change away from the edge that is due to short waves.
     """
 
-    taken: float = 0.0
-    spread: float = 0.0
+    correction: float = 0.0
+    uncertainty: float = 0.0
     edge: float = 0.0
     smooth: float = SMOOTH
     doubt: float = 0.0
@@ -88,84 +91,98 @@ class Shares:
 
     @property
     def rim(self) -> float:
-        """What of the layer's change is uncertain."""
-        return self.spread + SHADE * self.smooth * self.edge
+        """Uncertain fraction of the layer's change."""
+        return self.uncertainty + EDGE_UNCERTAINTY * self.smooth * self.edge
 
     def half_width(self, layer: FloatArray, order: FloatArray) -> FloatArray:
-        """Half-width of a figure's error from what the mesh without the layer and that of one order less change it by."""
-        return np.asarray(self.at_edge(layer, order) + self.away(layer, order))
+        """Half-width of a figure's error bar from its changes on the mesh without the layer and on that of one order less."""
+        return np.asarray(self.singular_part(layer, order) + self.smooth_part(layer, order))
 
     def of_modes(self, values: FloatArray, layer: FloatArray, order: FloatArray) -> FloatArray:
-        """The same of modes of a class, or of waves at a wavevector, with eigenvalues (k,): the last order may bring one
-        nothing, but waves as short as those of lower ones are missed in it, too.
+        """Half-widths for the modes of a class, or the waves at a wavevector, with eigenvalues (k,).
+
+        The last order may not change a mode at all; its error is then estimated from lower modes with waves as short.
         """
-        away, upwards = self.away(layer, order), np.argsort(values)
+        away, upwards = self.smooth_part(layer, order), np.argsort(values)
         shown = np.maximum.accumulate(away[upwards])
         away[upwards] = np.maximum(away[upwards], HIDDEN * shown)
-        return np.asarray(self.at_edge(layer, order) + away)
+        return np.asarray(self.singular_part(layer, order) + away)
 
-    def at_edge(self, layer: FloatArray, order: FloatArray) -> FloatArray:
-        """The part of the half-width that the edge has."""
+    def singular_part(self, layer: FloatArray, order: FloatArray) -> FloatArray:
+        """Part of the half-width due to the edge."""
         half = self.rim * np.abs(layer)
         if not self.doubt:
             return np.asarray(half)
-        return np.asarray(half + self.doubt * self.taken * np.maximum(np.abs(layer) - np.abs(order) / self.edge, 0.0))
+        return np.asarray(
+            half + self.doubt * self.correction * np.maximum(np.abs(layer) - np.abs(order) / self.edge, 0.0)
+        )
 
-    def away(self, layer: FloatArray, order: FloatArray) -> FloatArray:
-        """The part that waves have away from it."""
+    def smooth_part(self, layer: FloatArray, order: FloatArray) -> FloatArray:
+        """Part of the half-width due to waves away from the edge."""
         return smooth_half_width(order - self.edge * layer, self.smooth, self.order, self.waves)
 
 
-def shares_of(error: MeshError) -> Shares:
-    """Return what the changes of a reduced cell by its coarser meshes show."""
-    return Shares(error.taken, error.spread, error.edge, doubt=SHADE if error.edge else 0.0, order=error.order)
+def shares_of(error: MeshError) -> ErrorFractions:
+    """Error fractions of a reduced cell whose changes by coarser meshes are known."""
+    return ErrorFractions(
+        error.taken, error.spread, error.edge, doubt=EDGE_UNCERTAINTY if error.edge else 0.0, order=error.order
+    )
 
 
 def smooth_half_width(change: FloatArray, share: float, order: int, waves: float = 1.0) -> FloatArray:
-    """What a mesh of order p misses away from edges of frequencies that order p - 1 misses `change` more of, relative: `share`
-    of it, or more where waves, which make so much of it, are short for the elements.
+    """Relative error of order p away from edges, for frequencies that order p - 1 overestimates by `change` more.
 
-    Order p misses C_p (k h)^(2p) of an eigenvalue, C_p = (p! / (2p)!)^2 / (2p + 1) (ainsworth2004): a change s tells
-    w C_p / 2 (2 s / w C_(p-1))^(p/(p-1)) of a frequency, w = UNRESOLVED.
+    It is `share` of the change, or more if waves, the cause of a fraction of the change, are short for the elements.
+
+    Order p misses C_p (k h)^(2p) of an eigenvalue, C_p = (p! / (2p)!)^2 / (2p + 1) (ainsworth2004): a change s
+    implies w C_p / 2 (2 s / w C_(p-1))^(p/(p-1)) of a frequency, w = UNRESOLVED.
     """
     size = np.abs(change)
     if order < 2:
         return np.asarray(share * size)
     own, less = ((factorial(p) / factorial(2 * p)) ** 2 / (2 * p + 1) for p in (order, order - 1))
-    told = UNRESOLVED * own / 2.0 * (2.0 * waves * size / (UNRESOLVED * less)) ** (order / (order - 1))
-    return np.asarray(np.maximum(share * size, told))
+    estimated = UNRESOLVED * own / 2.0 * (2.0 * waves * size / (UNRESOLVED * less)) ** (order / (order - 1))
+    return np.asarray(np.maximum(share * size, estimated))
 
 
 def largest(half_widths: FloatArray) -> float | None:
-    """Largest half-width of some bars; None where there is none, or where one of them is not known (NaN)."""
+    """Largest of some half-widths; None without any, or if one is unknown (NaN)."""
     return None if not half_widths.size or np.isnan(half_widths).any() else float(half_widths.max())
 
 
 Rim = tuple[Material, Material]  # the wider part's material, and that of the narrower one that stands on it
 
 
-def rim_shares(plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, wall: float = pi / 2.0) -> Shares:
-    """Shares at the rims of a foot and of `more` like it, between the exponents of displacements normal to them and along
-    them (williams1952); wall: the angle in rad that the pillar fills above its foot.
+def rim_shares(
+    plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, wall: float = pi / 2.0
+) -> ErrorFractions:
+    """Error fractions at the rims of a foot and of `more` such rims (williams1952).
+
+    They lie between those of displacements normal to the rim and along it; wall: angle in rad that the pillar fills above its
+    foot.
     """
     edges = (*_edges(rim_wedges(plate, pillar, wall)), *_rim_edges(*more))
-    return replace(_shares(edges, mesh, RIM_ROUGH, RANGES.get(mesh.order, 1.0)), doubt=SHADE)
+    return replace(_shares(edges, mesh, RIM_ROUGH, RANGES.get(mesh.order, 1.0)), doubt=EDGE_UNCERTAINTY)
 
 
-def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> Shares:
-    """Shares where a clamped face, so thick, meets free ones, and at the rims of `more` (williams1952)."""
+def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> ErrorFractions:
+    """Error fractions at the edges of a clamped face of a given thickness and at the rims of `more` (williams1952)."""
     edges = (Edge(clamped_edge_exponent(material), OUTER_ACROSS, 1.0), *_rim_edges(*more))
     is_long = mesh.size_m > thickness_m
     shares = replace(_shares(edges, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
     if not is_long:
         return shares
     shares = replace(shares, waves=UNLOCKED)
-    return replace(shares, taken=LONG * shares.taken, spread=LONG * shares.spread) if mesh.layers else shares
+    return (
+        replace(shares, correction=LONG * shares.correction, uncertainty=LONG * shares.uncertainty)
+        if mesh.layers
+        else shares
+    )
 
 
 @dataclass(frozen=True)
 class Edge:
-    """A singularity: its exponent, what elements beside the innermost one count, and its weight among others."""
+    """A singularity: its exponent, the part of the outer elements in the error, and its weight among others."""
 
     exponent: float
     outer: float
@@ -177,13 +194,13 @@ def _rim_edges(*rims: Rim) -> tuple[Edge, ...]:
 
 
 def _edges(wedges: tuple[Wedge, ...]) -> tuple[Edge, Edge]:
-    """In the plane across an edge and along it, both exponents a little below the 1 of what is not singular."""
+    """Singularities in the plane across an edge and along it, both exponents slightly below the regular value 1."""
     across, along = (min(each(wedges), ALMOST_SMOOTH) for each in (edge_exponent, antiplane_exponent))
     return Edge(across, OUTER_ACROSS, ACROSS), Edge(along, OUTER_ALONG, 1.0 - ACROSS)
 
 
-def _shares(edges: tuple[Edge, ...], mesh: HexSettings, rough: float, ranges: float = 1.0) -> Shares:
-    """Of singularities as they weigh; uncertain by so many half-ranges between them and a rough part."""
+def _shares(edges: tuple[Edge, ...], mesh: HexSettings, rough: float, ranges: float = 1.0) -> ErrorFractions:
+    """Weighted mean of singularities; their range (times `ranges`) and a rough part are the uncertainty."""
     left, order, less = [], [], replace(mesh, order=mesh.order - 1)
     for edge in edges:
         own, coarse, lower = (
@@ -194,8 +211,8 @@ def _shares(edges: tuple[Edge, ...], mesh: HexSettings, rough: float, ranges: fl
         order.append((lower - own) / (coarse - own))
     middle, at_edge = (float(np.average(each, weights=[edge.weight for edge in edges])) for each in (left, order))
     spread = ranges * (max(left) - min(left)) / 2.0 + rough * middle
-    taken = middle if mesh.layers else 0.0  # without layers nothing tells what the edge's share of the change is
-    return Shares(taken, spread + middle - taken, at_edge, order=mesh.order)
+    taken = middle if mesh.layers else 0.0  # without layers the edge's share of the change is unknown
+    return ErrorFractions(taken, spread + middle - taken, at_edge, order=mesh.order)
 
 
 Body = TypeVar("Body")
@@ -203,7 +220,7 @@ Body = TypeVar("Body")
 
 @dataclass(frozen=True)
 class Nested(Generic[Body]):
-    """A body on a coarser mesh, and the matrix (fine nodes, coarse nodes) that carries its fields to the finer one."""
+    """A body on a coarser mesh, and the prolongation (fine nodes, coarse nodes) of its fields to the finer one."""
 
     body: Body
     transfer: sp.csr_array
@@ -211,30 +228,30 @@ class Nested(Generic[Body]):
 
 @dataclass(frozen=True)
 class CoarserMeshes:
-    """The mesh without the innermost layer, the mesh of one order less, and what their changes tell.
+    """Error estimate from the mesh without the innermost layer and the mesh of one order less.
 
     A mesh without layers has no `layer`: all that the order changes counts as the edge's.
     """
 
     layer: Nested[SolidModel] | None
     order: Nested[SolidModel]
-    shares: Shares
+    shares: ErrorFractions
 
     def errors(
         self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Relative, (k,) each, of M-orthonormal modes (dof, k) with eigenvalues (k,) of a symmetry class: how far their
-        frequencies are to be lowered, and the half-width of the bar that is left.
+        """Relative correction (downwards) and error bar (half-width) of frequencies, (k,) each.
+
+        vectors: M-orthonormal modes (dof, k) of a symmetry class; values: their eigenvalues (k,).
         """
         layer, order = (
             _rise(each, symmetry, pencil, vectors, values) for each in (self.layer or self.order, self.order)
         )
-        return self.shares.taken * layer, self.shares.of_modes(values, layer, order)
+        return self.shares.correction * layer, self.shares.of_modes(values, layer, order)
 
 
 def layer_share(reach: float, order: int, steps: int = 1) -> float:
-    """What a mesh of order p leaves of a layer exp(-a s) along elements of length h over what its last `steps` orders brought,
-    reach = a h / 2.
+    """Error of order p in a layer exp(-a s), over the change by the last `steps` orders; reach = a h / 2, h the element length.
 
     Degree n has (2n + 1) i_n(a h / 2)^2 of the strain's energy, i_n the modified spherical Bessel function, and order p all
     degrees below p. Higher a leave more: the slowest layers, which reach farthest, carry most of the energy.
@@ -247,16 +264,16 @@ def layer_share(reach: float, order: int, steps: int = 1) -> float:
 
 
 def regular_share(order: int) -> float:
-    """The same of a motion no smoother than the order's full rate needs, whose error goes as p^(-2p) (babuska1981)."""
+    """Error of order p over the last order's change for a regular motion, whose error goes as p^(-2p) (babuska1981)."""
     return 1.0 / ((order / (order - 1.0)) ** (2 * order) - 1.0)
 
 
 @dataclass(frozen=True)
 class LowerOrders:
-    """Meshes of one and of two orders less of a body without singular edges, and what their changes tell.
+    """Error estimate of a body without singular edges from meshes of one and of two orders less.
 
-    Waves inside, edges and their layers, which end within the body's smallest dimension d, leave a share of what the last
-    order brought: waves by their length, edges by the order's own rate, layers by the length of an element over d. Across d a
+    Waves inside, edges and their layers, which end within the body's smallest dimension d, leave a share of the last
+    order's change: waves by their length, edges by the order's own rate, layers by the length of an element over d. Across d a
     single element has odd and even motions: the last order serves one kind only, the last two both.
     along, across: longest element in the plane and across d, over d.
     """
@@ -270,12 +287,12 @@ class LowerOrders:
     def errors(
         self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """As `CoarserMeshes.errors`; nothing is taken from the frequencies."""
+        """Correction and half-widths as in `CoarserMeshes.errors`; the correction is 0."""
         one, two = (_rise(each, symmetry, pencil, vectors, values) for each in (self.order, self.lower))
         return np.zeros_like(values), self.half_width(one, two)
 
     def half_width(self, one: FloatArray, two: FloatArray) -> FloatArray:
-        """Half-width of a frequency's error from what meshes of one and two orders less change it by, relative."""
+        """Relative error bar (half-width) of a frequency from its changes on meshes of one and two orders less."""
         share = regular_share(self.degree) + layer_share(LAYER * self.along, self.degree)
         hidden = layer_share(LAYER * self.across, self.degree, 2) * np.abs(two)
         return np.asarray(smooth_half_width(one, 0.0, self.degree) + share * np.abs(one) + hidden)
@@ -284,7 +301,7 @@ class LowerOrders:
 def _rise(
     coarser: Nested[SolidModel], symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
 ) -> FloatArray:
-    """How far a coarser mesh's frequencies lie above those of the modes, relative, (k,)."""
+    """Relative excess of a coarser mesh's frequencies over those of the modes, (k,)."""
     theirs = coarser_eigenvalues(pencil, coarser.body.pencil(symmetry), coarser.transfer, vectors, values)
     return np.asarray((theirs / values - 1.0) / 2.0)
 
@@ -304,7 +321,7 @@ def coarser_eigenvalues(
 def prolonged_eigenvalues(
     fine: PlainPencil, coarse: PlainPencil, prolonged: sp.csr_array, vectors: FloatArray, values: FloatArray
 ) -> FloatArray:
-    """The same by the matrix (fine dof, coarse dof) that carries the coarser pencil's motions to the finer one."""
+    """Eigenvalues as in `coarser_eigenvalues`, with the prolongation (fine dof, coarse dof) between the pencils."""
     from scipy.optimize import linear_sum_assignment  # slow to import
 
     unit = (fine.scale.angular / coarse.scale.angular) ** 2
@@ -327,7 +344,7 @@ def amid(values: FloatArray) -> float:
 
 
 # -- recovered stresses ------------------------------------------------------------------------------------------------
-# The error of a mesh of tetrahedra, told by its own stresses: continuous ones stand for the true ones.
+# The error of a mesh of tetrahedra, estimated by stress recovery: continuous stresses stand for the true ones.
 # Of the continuous fields s* that are linear in each tetrahedron of one material, the one nearest to the computed
 # stresses s in the energy's norm loses int (s - s*) : C^-1 (s - s*) = u'Ku - b'(C x M^-1) b, with b_a = int N_a e(u)
 # of the strains e and M_ab = int N_a N_b over linear N (zienkiewicz1987). An eigenvalue lies as far above the true
@@ -335,14 +352,14 @@ def amid(values: FloatArray) -> float:
 
 # of the loss: the error was 0.65 to 0.9 times it in bodies of one material, 0.6 to 1.6 times where plate and pillar differ,
 # and from once to 2.2 times it at clamped edges (`python -m studies.error_bars`); no more than the whole leaves K positive
-ALIKE, UNLIKE, CLAMPED = Shares(0.8, 0.25), Shares(1.0, 0.65), Shares(1.5, 0.75)
+ALIKE, UNLIKE, CLAMPED = ErrorFractions(0.8, 0.25), ErrorFractions(1.0, 0.65), ErrorFractions(1.5, 0.75)
 STRAINS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 ELEMENTS = 4096  # at a time
 
 
 @dataclass(frozen=True)
 class StressRecovery:
-    """What continuous stresses tell of a mesh of tetrahedra with a material for each region, in the units of a scale.
+    """Error estimate of a mesh of tetrahedra by stress recovery, with a material for each region, in the units of a scale.
 
     clamped: whether faces are held, at whose edges most is missed.
     """
@@ -353,8 +370,8 @@ class StressRecovery:
     clamped: bool = False
 
     @property
-    def shares(self) -> Shares:
-        """Of the loss that is taken for the error, and what of it is uncertain."""
+    def shares(self) -> ErrorFractions:
+        """Fraction of the energy loss that counts as the error, and its uncertainty."""
         if self.clamped:
             return CLAMPED
         return UNLIKE if len({self.materials[name] for name in self.mesh.region_of_cells()}) > 1 else ALIKE
@@ -367,7 +384,7 @@ class StressRecovery:
         return total
 
     def energies(self, shapes: FloatArray) -> FloatArray:
-        """The diagonal of the same, (m,)."""
+        """Diagonal of `energy`, (m,)."""
         return np.asarray(
             sum(
                 np.einsum("ij,iam,jam->m", elastic, strains, weights)
@@ -378,12 +395,13 @@ class StressRecovery:
     def errors(
         self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Relative, (k,) each, of M-orthonormal modes (dof, k) with eigenvalues (k,) of a symmetry class: how far their
-        frequencies are to be lowered, and the half-width of the bar that is left.
+        """Relative correction (downwards) and error bar (half-width) of frequencies, (k,) each.
+
+        vectors: M-orthonormal modes (dof, k) of a symmetry class; values: their eigenvalues (k,).
         """
         field = pencil.expand(vectors)
         loss = (values - self.energies(field.reshape(-1, field.shape[2]))) / (2.0 * values)
-        return self.shares.taken * loss, self.shares.spread * np.abs(loss)
+        return self.shares.correction * loss, self.shares.uncertainty * np.abs(loss)
 
     def _projected(self, shapes: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
         """C (6, 6), b (6, corners, m) and M^-1 b of each material."""
@@ -425,7 +443,7 @@ class _Recovered:
 
 
 def _integrals(mesh: Mesh, cells: IntArray, length_m: float) -> tuple[FloatArray, FloatArray]:
-    """Of every element (3, e, 4, nodes) int N_a dF_b/dx_k and (e, 4, 4) int N_a N_b: N linear, F the mesh's functions."""
+    """Integrals of every element: N_a dF_b/dx_k (3, e, 4, nodes), N_a N_b (e, 4, 4); N linear, F the mesh's functions."""
     rule = mesh.element.quadrature
     linear = np.column_stack([1.0 - rule.points.sum(axis=1), rule.points])
     _, gradient = mesh.element.shape(rule.points)
@@ -440,6 +458,6 @@ def _integrals(mesh: Mesh, cells: IntArray, length_m: float) -> tuple[FloatArray
 
 
 def _summed(values: FloatArray, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sp.csr_array:
-    """Element matrices (e, a, b) summed over what they share."""
+    """Element matrices (e, a, b) assembled over shared nodes."""
     across, down = np.broadcast_arrays(columns[:, None, :], rows[:, :, None])
     return sp.csr_array(sp.coo_array((values.ravel(), (down.ravel(), across.ravel())), shape=shape))

@@ -1,14 +1,14 @@
-"""How far off reduced cells, their bands and plates assembled from them may be, by truncation and by their meshes.
+"""Truncation and discretisation errors of reduced cells, of their bands and of plates assembled from them.
 
 A coarser mesh lacks the innermost layer of elements at the foot's rim, where displacements go as r^a and the energy's error
 therefore as h^(2a): the finer mesh still errs by a share r of the difference that follows from a, the order and the layers
 (babuska1981). K = K_fine - r (K_coarse - K_fine), M likewise, over the same boundary functions; the fixed-interface modes of
 the coarser mesh are turned onto those of the finer one, Q = U V' from (M_fine P Phi_coarse)' Phi_fine = U S V'
-(schoenemann1966). A mesh of one order less tells what is left away from the rim.
+(schoenemann1966). A mesh of one order less shows the rest, away from the rim.
 
-Tetrahedra have no coarser mesh nested in them: what continuous stresses lose of K_r (`StressRecovery`) stands for its error.
+Tetrahedra have no coarser nested mesh: the energy lost by `StressRecovery` estimates the error of K_r.
 
-Fixed-interface modes left out take l^2 D from the boundary's dynamic stiffness, D their residual flexibility, which each
+Discarded fixed-interface modes take l^2 D from the boundary's dynamic stiffness, D their residual flexibility, which each
 cell knows (`Cell.dropped`): an eigenvalue l falls by l^2 u'D u, to first order. Without a part d of the eigenvector u, its
 last degree along the sides, Rayleigh's quotient rises by d'(K - l M)d / (u - d)'M(u - d): what that degree brought bounds the
 next ones. Further degrees through the thickness e, which a thick plate's cells know (`Cell.further`), lower it by
@@ -16,15 +16,15 @@ r'(K_ee - l M_ee)^-1 r, r = (K_e - l M_e)u, to second order in what they couple.
 
 The meshes coupled at their boundary functions have the boundary's dynamic stiffness S and the interiors' own eigenvalues,
 N = N(S) + sum N(interior), both below lambda (wittrick1971). Every interior mode up to Lambda is kept, so the reduced pencil
-counts the interiors' whole; what modes left out take from S is bounded (`Cell.dropped`) and only lowers it. Hence
+counts the interiors' whole; what discarded modes take from S is bounded (`Cell.dropped`) and only lowers it. Hence
 N_reduced <= N <= N of the pencil with that bound taken from its stiffness.
 
-What the fixed-interface modes left out take is told by their residual flexibility and has bounds (`Waves.by_modes`). Without
-the boundary functions D a wave u of the eigenvalue l rises by at most u_D^H S u_D, S the Schur complement of K + s M on D: the
+The discarded fixed-interface modes act through their residual flexibility, with bounds (`Waves.by_modes`). Without the
+boundary functions D a wave u of the eigenvalue l rises by at most u_D^H S u_D, S the Schur complement of K + s M on D: the
 other functions come to rest, s M holds rigid motion. By Cholesky's factor L of the functions in the order of their degree it
-parts into |L^H u|^2, degree by degree. The degree's error falls exponentially: what the last degree along the sides brought
-bounds what the next ones would, and by how much every second degree brought less, since a wave may need even or odd ones alone,
-tells how far they stay below it.
+parts into |L^H u|^2, degree by degree. The degree's error falls exponentially: the change by the last degree along the sides
+bounds that by the next ones. The ratio of every second degree's changes, since a wave may need even or odd ones alone,
+estimates how far they stay below it.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ import scipy.sparse as sp
 from scipy.linalg import eigh, eigvalsh
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
-from solvers.accuracy.mesh import Nested, Shares, StressRecovery, shares_of, smooth_half_width
+from solvers.accuracy.mesh import ErrorFractions, Nested, StressRecovery, shares_of, smooth_half_width
 from solvers.fem.assembly import on_components
 from solvers.fem.eigen import PlainPencil, count_below
-from solvers.fem.factor import Factoriser, side_by_side
+from solvers.fem.factor import Factoriser, parallel_map
 from solvers.superelement.cell import Cell, MeshError, ResidualModes, check_rigid
 from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.reduction import CellBuilder, SymmetryClass
@@ -50,52 +50,51 @@ from solvers.threads import one_thread
 if TYPE_CHECKING:
     from solvers.superelement.lattice import BlochPlate, Periodic, ReducedLattice, Waves
 
-WIDER = 1.15  # modes of the coarser mesh are sought so much higher: they lie above their partners
-MAX_SHARE = 0.9  # of K or M in any direction that is taken away: they stay positive
+WIDER = 1.15  # factor on the limit for modes of the coarser mesh, which lie above their partners
+MAX_SHARE = 0.9  # largest correction of K or M in any direction: they stay positive
 RELATIVE_SHIFT = 1e-9
-NOTHING = 1e-10  # of the mean stiffness or mass of a function: rounding
+NULL_TOLERANCE = 1e-10  # of the mean stiffness or mass of a function: rounding
 NestedBuilder = Nested[CellBuilder]
 ALIKE = 0.5  # singular value of the modal overlap from which a direction has its partner on the coarser mesh
 
-# of the half-width at rims, and of what the last order brought away from them: a plate's modes move its cells more alike than
+# of the half-width at rims, and of the last order's change away from them: a plate's modes move its cells more alike than
 # ten bands of a lattice do, and bend its bare panels in shorter waves. Of ten plates of seed 7 of `python -m
 # studies.error_bars` 99 of 100 modes lie within
 AT_RIMS, AWAY = 0.5, 0.06
 
-MARGIN = 2.0  # single modes may lie somewhat above the estimate by truncation, the worst of a class never did
+MARGIN = 2.0  # single modes may exceed the truncation estimate slightly, the worst of a class never did
 
-# of the rise without the last degree through the thickness what further ones bring to a plate thin for its waves: its free
+# part of the rise without the last degree through the thickness that further ones cause in a plate thin for its waves: its free
 # edges' boundary layers, sin(pi z / t) at their slowest, leave these up to 0.04
 EDGE_LAYER = 0.03
 
-Joined: TypeAlias = "AssembledPlate | BlochPlate"  # their degrees of freedom are their cells' own
+Joined: TypeAlias = "AssembledPlate | BlochPlate"  # their degrees of freedom are those of their cells
 
-# of the largest estimate of a band and those below it, of all: one wave may hide what others show
+# of the largest estimate of a band and those below it, and of all: one wave may hide an error that others show
 HIDDEN, BEYOND = 0.3, 0.02
 
 # times the geometric series, of which further degrees brought 0.06 to 2.8 to 12 cells of degrees 5 and 6; and of the last
-# degree's part at least, of which they brought 0.48 where the series is shorter; the fewest degrees that tell it
+# degree's part at least, of which they brought 0.48 where the series is shorter; the fewest degrees that show it
 SERIES, MIN_SHARE, MIN_DEGREE = 3.0, 0.5, 5
 
 LOWEST, TRIALS = 0.3, 40  # cut-offs tried, from this share of the lattice's own on
-TIMES_ROUNDING = (
-    1e3  # times the eigenvalue that is rounding: what at least holds rigid motion where degrees are compared
-)
+# times the eigenvalue that is rounding: what at least holds rigid motion where degrees are compared
+TIMES_ROUNDING = 1e3
 
-# of what the degree before the last brought: the next one of its parity brought a quarter to a third of it, and a wave that is
+# of the change by the degree before the last: the next one of its parity brought a quarter to a third of it, and a wave that is
 # even or odd along the sides hides one of both
 OTHER_PARITY = 0.5
 
-STILL = 1e-4  # of the highest frequency asked for: slower waves are rigid-body modes but for rounding
+STILL = 1e-4  # of the highest requested frequency: slower waves are rigid-body modes but for rounding
 
 
 @dataclass(frozen=True)
 class ModeErrors:
-    """Relative errors of frequencies, (k,) each, from above: by the fixed-interface modes, by the degrees along the sides and
-    by those through the thickness that are left out.
+    """Relative overestimates of frequencies, (k,) each, due to discarded fixed-interface modes, to degrees along the sides and
+    to degrees through the thickness.
 
-    Infinite from the lowest mode on that may have been left out: nothing is known there. taken: how far the finest mesh's own
-    frequency lies above the reported one; mesh: half-width of the bar by the mesh, NaN where no coarser mesh tells it.
+    Infinite from the lowest mode on that may have been left out: nothing is known there. taken: excess of the finest
+    mesh's own frequency over the reported one; mesh: discretisation error bar (half-width), NaN without an estimate.
     """
 
     modes: FloatArray
@@ -106,12 +105,12 @@ class ModeErrors:
 
     @property
     def by_degrees(self) -> FloatArray:
-        """By the degrees left out, in either direction."""
+        """Error due to the discarded degrees, in either direction."""
         return self.degrees + self.through
 
     @property
     def total(self) -> FloatArray:
-        """By all truncations."""
+        """Truncation error, all parts together."""
         return self.modes + self.by_degrees
 
 
@@ -125,22 +124,22 @@ class Assembly(Protocol):
 
 @dataclass(frozen=True)
 class ReductionError:
-    """Relative errors of frequencies: by the modes left out, to either side, and by the degrees along the sides left out."""
+    """Relative errors of frequencies: due to discarded modes, to either side, and to discarded degrees along the sides."""
 
     modes: float
     degrees: float
 
     @property
     def total(self) -> float:
-        """Both."""
+        """Sum of both."""
         return self.modes + self.degrees
 
 
 @dataclass(frozen=True)
 class MeshErrors:
-    """Relative, (n,) each: how far the finer mesh's own frequency lies above the reported one, and the half-width of the bar.
+    """Relative excess of the finer mesh's own frequency over the reported one, and error bar (half-width), (n,) each.
 
-    The half-width is NaN where no coarser mesh tells it.
+    The error bar is NaN without an estimate.
     """
 
     taken: FloatArray
@@ -152,30 +151,30 @@ def extrapolated(
     fine: tuple[CellBuilder, list[SymmetryClass]],
     lower: NestedBuilder,
     layer: NestedBuilder | None,
-    shares: Shares,
+    shares: ErrorFractions,
     top_hz: float,
 ) -> Cell:
-    """The cell of the finer mesh less the share of what the mesh without its innermost layer adds to K_r and M_r.
+    """The cell of the finer mesh less a fraction of the change of K_r and M_r on the mesh without its innermost layer.
 
-    lower: the mesh of one order less; layer: the mesh without the layer, None where nothing is singular. No more is taken
-    than leaves K and M positive; what is not taken counts as uncertain.
+    lower: the mesh of one order less; layer: the mesh without the layer, None where nothing is singular. The correction
+    is limited so that K and M stay positive; the rest counts as uncertain.
     """
     builder, parts = fine
     meshes = [lower, layer] if layer else [lower]
     with one_thread():
-        changes = side_by_side(lambda mesh: _change(builder, parts, mesh, WIDER * top_hz, cell), meshes)
+        changes = parallel_map(lambda mesh: _change(builder, parts, mesh, WIDER * top_hz, cell), meshes)
     none = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
-    return _lowered(cell, builder, changes[1] if layer else none, changes[0], shares)
+    return _corrected(cell, builder, changes[1] if layer else none, changes[0], shares)
 
 
 def recovered(cell: Cell, builder: CellBuilder, parts: list[SymmetryClass], recovery: StressRecovery) -> Cell:
-    """The cell of a mesh of tetrahedra less most of what continuous stresses lose of K_r."""
+    """The cell of a mesh of tetrahedra, with most of the energy loss by stress recovery subtracted from K_r."""
     none, loss = np.zeros_like(cell.mass), np.zeros_like(cell.stiffness)
     with one_thread():
         for part, place in zip(parts, builder.places(parts), strict=True):
             own = builder.projected(part)[0] - recovery.energy(part.shapes)
             loss += builder.copies * place @ own @ place.T
-    return _lowered(cell, builder, ((loss + loss.T) / 2.0, none), (none, none), recovery.shares)
+    return _corrected(cell, builder, ((loss + loss.T) / 2.0, none), (none, none), recovery.shares)
 
 
 def mode_errors(
@@ -200,9 +199,9 @@ def by_degrees(
     last: BoolArray,
     images: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
-    """How far M-orthonormal modes u (dof, k) rise without what the last degree (dof,) brought to them, relative, (k,).
+    """Relative rise of M-orthonormal modes u (dof, k) without the part d that belongs to the last degree (dof,), (k,).
 
-    By Rayleigh's quotient of u - d: K and M on the part alone tell what d itself holds. images: K u and M u, where known.
+    By Rayleigh's quotient of u - d, from K and M on d alone. images: K u and M u, where known.
     """
     where = np.flatnonzero(last)
     stiff, heavy = images or (pencil.stiffness @ vectors, pencil.mass @ vectors)
@@ -224,7 +223,7 @@ def energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray
 def by_mesh(
     plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
 ) -> tuple[FloatArray, FloatArray]:
-    """What was taken from the frequencies of M-orthonormal modes (dof, k) and their bars' half-width, relative, (k,) each.
+    """Relative correction of the frequencies of M-orthonormal modes (dof, k), and their error bars (half-widths), (k,) each.
 
     By Rayleigh's quotient at scaled eigenvalues (k,); a half-width is NaN where a cell has no coarser mesh.
     """
@@ -257,7 +256,7 @@ def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexAr
 
 
 def last_degree(plate: Joined, before: int = 0) -> BoolArray:
-    """Which of the plate's degrees of freedom are the bubbles of the highest degree, or of one so far before it, (dof,)."""
+    """Mask of the plate's bubbles of the highest degree, or of `before` degrees less, (dof,)."""
     return _dofs(plate, lambda cell: last_bubbles(cell, before))
 
 
@@ -280,11 +279,11 @@ def more_below(
     factorise: Factoriser | None = None,
     degrees: float = 0.0,
 ) -> int | None:
-    """How many more modes the assembled meshes have at most below a frequency than the reduced pencil; None without a bound.
+    """Upper bound of the number of modes below a frequency that the reduced pencil lacks; None without a bound.
 
     `reduced`: the reduced pencil's own count there, rigid-body modes included, where it is known already; `factorise` shares
-    the symbolic analysis of the pencil's earlier solves; degrees: how far, relative, the degrees left out may put a mode of
-    the meshes below the one that stands for it.
+    the symbolic analysis of the pencil's earlier solves; degrees: relative amount by which discarded degrees may
+    lower a mode of the meshes below the one that represents it.
     """
     beyond_hz = edge_hz * (1.0 + degrees)
     value = pencil.scale.eigenvalue(beyond_hz)
@@ -307,7 +306,7 @@ def reduction_error(lattice: ReducedLattice, wavevectors: FloatArray, count: int
 
 
 def error_of_waves(lattice: ReducedLattice, waves: Sequence[Waves]) -> ReductionError:
-    """The same of waves that are solved already."""
+    """Estimate as `reduction_error`, for waves that are already solved."""
     estimates = [truncation(lattice, each) for each in waves]
     modes = max(float(each.max(initial=0.0)) for each, _ in estimates)
     parts = [each for _, each in estimates]
@@ -315,8 +314,8 @@ def error_of_waves(lattice: ReducedLattice, waves: Sequence[Waves]) -> Reduction
 
 
 def truncation(lattice: ReducedLattice, waves: Waves) -> tuple[FloatArray, FloatArray]:
-    """What the modes left out may put each wave off by, (n,), and what each degree along the sides brought it, (degrees, n)
-    from 0 on, relative; 0 for rigid-body waves.
+    """Relative error of each wave due to discarded modes, (n,), and its change by each degree along the sides, (degrees, n)
+    from 0 upwards; 0 for rigid-body waves.
     """
     modes = np.where(_moving(waves), waves.by_modes, 0.0)
     return modes, _brought(lattice, waves, lattice.cell.interface.along_side)
@@ -331,9 +330,9 @@ def in_order(waves: Waves, rises: FloatArray) -> FloatArray:
 
 
 def further_degrees(parts: Sequence[FloatArray]) -> float:
-    """What degrees along the sides beyond the last may bring, of what the last one brought: at most 1.
+    """Possible change by further degrees along the sides, over that by the last degree: at most 1.
 
-    parts: of each wavevector what the degrees brought its waves, (degrees, n).
+    parts: for each wavevector the changes of its waves by the degrees, (degrees, n).
 
     Parts R_n of a degree n fall as q^(n/2) with the largest q = R_n / R_(n-2) seen: the next two bring (R_n + R_(n-1)) q.
     A degree below 5 shows no q of even and of odd ones.
@@ -348,7 +347,7 @@ def further_degrees(parts: Sequence[FloatArray]) -> float:
 def cutoff_hz(lattice: ReducedLattice, wavevectors: FloatArray, count: int, target: float) -> float:
     """The lowest cut-off of fixed-interface modes, Hz, that leaves the `count` lowest bands a half-width of at most `target`.
 
-    The lattice's own where none below it does. A mode's part in a wave tells what it would add to the residual flexibility.
+    The lattice's own where none below it does. A mode's part in a wave shows what it would add to the residual flexibility.
     """
     cell, own = lattice.cell, lattice.cell.dropped_hz
     first = cell.interface.count
@@ -371,9 +370,9 @@ def cutoff_hz(lattice: ReducedLattice, wavevectors: FloatArray, count: int, targ
 
 
 def truncation_bars(rises: FloatArray, share: float = 1.0) -> FloatArray:
-    """Half-widths of bars by truncation from the estimates of waves (wavevectors, bands), of the same shape; share: of them.
+    """Truncation error bars (half-widths) from the estimates of waves (wavevectors, bands), of the same shape; share: of them.
 
-    What waves of the same band or of one below it show, another one may hide; none is off by more than the worst of all.
+    A wave may hide an error that others of its band or of one below show; no error exceeds the worst of all.
     """
     worst = rises.max(initial=0.0)
     below = np.maximum.accumulate(rises.max(axis=0, initial=0.0))
@@ -390,8 +389,8 @@ def last_degree_through(lattice: ReducedLattice, wavevectors: FloatArray, count:
 
 
 def waves_of(row: Periodic, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
-    """The `count` lowest frequencies of a row at a wavevector (2,) in rad/m, Hz, and what truncation and the cells' meshes may
-    put each of them off by.
+    """The `count` lowest frequencies of a row at a wavevector (2,) in rad/m, Hz, and their errors due to truncation
+    and to the cells' meshes.
     """
     plate = row.at(wavevector)
     tones, waves = plate.waves(count)
@@ -405,10 +404,10 @@ def waves_of(row: Periodic, wavevector: FloatArray, count: int) -> tuple[FloatAr
 
 
 def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
-    """How far the mesh may put each wave's frequency off; 0 for rigid-body waves.
+    """Discretisation error of each wave's frequency; 0 for rigid-body waves.
 
-    By Rayleigh's quotients with what coarser meshes change the cell by (`MeshError.changes`); what lower waves at the same
-    wavevector show of short ones, one to which the last order brought nothing may hide (`Shares.of_modes`).
+    By Rayleigh's quotients with the cell's changes on coarser meshes (`MeshError.changes`). A wave that the last order does
+    not change may hide an error that lower waves at the same wavevector show (`ErrorFractions.of_modes`).
     """
     error = cell.mesh_error
     if error is None:
@@ -419,21 +418,23 @@ def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
     return MeshErrors(error.taken * layer, shares_of(error).of_modes(waves.eigenvalue, layer, order))
 
 
-def _lowered(
+def _corrected(
     cell: Cell,
     builder: CellBuilder,
     by_layer: tuple[FloatArray, FloatArray],
     by_order: tuple[FloatArray, FloatArray],
-    shares: Shares,
+    shares: ErrorFractions,
 ) -> Cell:
-    """The cell less the share of its changes by the layer, as far as K and M stay positive; the rest counts as uncertain."""
+    """The cell less a fraction of its change by the layer, limited so that K and M stay positive; the rest is uncertain."""
     limits = [
         MAX_SHARE / _largest(change, whole)
         for change, whole in zip(by_layer, _metrics(cell), strict=True)
         if change.any()
     ]
-    taken = min([shares.taken, *limits])
-    error = MeshError(*by_layer, *by_order, taken, shares.spread + shares.taken - taken, shares.edge, shares.order)
+    taken = min([shares.correction, *limits])
+    error = MeshError(
+        *by_layer, *by_order, taken, shares.uncertainty + shares.correction - taken, shares.edge, shares.order
+    )
     stiffness, mass = (
         whole - taken * change for whole, change in zip((cell.stiffness, cell.mass), by_layer, strict=True)
     )
@@ -445,7 +446,7 @@ def _lowered(
 def _change(
     fine: CellBuilder, parts: list[SymmetryClass], nested: NestedBuilder, top_hz: float, cell: Cell
 ) -> tuple[FloatArray, FloatArray]:
-    """What a coarser mesh adds to K_r and M_r, (dof, dof) each."""
+    """Change of K_r and M_r on a coarser mesh, (dof, dof) each."""
     stiffness, mass = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
     known: dict[int, list[FloatArray]] = {}
     others = nested.body.classes(top_hz, bounded=False)
@@ -461,7 +462,7 @@ def _change(
 def _class_change(
     fine: CellBuilder, part: SymmetryClass, nested: NestedBuilder, other: SymmetryClass
 ) -> list[FloatArray]:
-    """The same of one symmetry class in its own degrees of freedom: nothing where a mode has no partner."""
+    """Change of K_r and M_r for one symmetry class; zero for modes without a counterpart."""
     theirs, ours = _alignment(part, other, fine, nested.transfer)
     pairs = zip(nested.body.projected(other)[:2], fine.projected(part)[:2], strict=True)
     return [ours @ (theirs.T @ coarser @ theirs - ours.T @ finer @ ours) @ ours.T for coarser, finer in pairs]
@@ -488,24 +489,25 @@ def _alignment(
 
 
 def _widened(named: FloatArray, lent: FloatArray, turn: FloatArray) -> FloatArray:
-    """The boundary's degrees of freedom with what the modes lend them, beside a turn of the modes."""
+    """The boundary's degrees of freedom with the modes' part in them, next to a rotation of the modes."""
     return np.block([[named, np.zeros((len(named), turn.shape[1]))], [lent, turn]])
 
 
 def _metrics(cell: Cell) -> tuple[FloatArray, FloatArray]:
-    """What the changes of K and M are measured by; K with a little mass, since rigid-body modes have no stiffness."""
+    """Metrics of the changes of K and M: M, and K plus a small multiple of M, which gives rigid-body modes some stiffness."""
     slight = RELATIVE_SHIFT * cell.stiffness.trace() / cell.mass.trace()
     return cell.stiffness + slight * cell.mass, cell.mass
 
 
 def _largest(change: FloatArray, metric: FloatArray) -> float:
-    """Largest eigenvalue of a change beside a metric, at least MAX_SHARE; functions that carry nothing are left out, those of
-    free sides and those that a coarse mesh of tetrahedra cannot tell from others.
+    """Largest eigenvalue of a change relative to a metric, at least MAX_SHARE, over the functions that carry something.
+
+    Functions of free sides carry nothing, nor do those that a coarse mesh of tetrahedra cannot distinguish from others.
     """
-    prolonged = np.flatnonzero(np.diag(metric) > 0.0)
-    square, unit = np.ix_(prolonged, prolonged), np.sqrt(np.diag(metric)[prolonged])
+    nonzero = np.flatnonzero(np.diag(metric) > 0.0)
+    square, unit = np.ix_(nonzero, nonzero), np.sqrt(np.diag(metric)[nonzero])
     values, turn = eigh(metric[square] / np.outer(unit, unit))
-    kept = values > NOTHING
+    kept = values > NULL_TOLERANCE
     turn = turn[:, kept] / np.sqrt(values[kept]) / unit[:, None]
     return max(MAX_SHARE, float(eigvalsh(turn.T @ change[square] @ turn)[-1]))
 
@@ -534,7 +536,7 @@ def _by_further(plate: Joined, value: FloatArray, vectors: FloatArray | ComplexA
 
 
 def _places(plate: Joined, wide: Joined) -> IntArray:
-    """Where the plate's degrees of freedom stand among those with further functions, (dof,)."""
+    """Places of the plate's degrees of freedom among those with further functions, (dof,)."""
     out = np.empty(plate.dof, dtype=np.int64)
     for one, other in zip(plate.placed_cells, wide.placed_cells, strict=True):
         own = other.cell.interface.within(one.cell.interface)
@@ -545,7 +547,7 @@ def _places(plate: Joined, wide: Joined) -> IntArray:
 
 
 def _dofs(plate: Joined, of_cell: Callable[[Cell], IntArray]) -> BoolArray:
-    """Which of the plate's degrees of freedom are those of its cells, (dof,)."""
+    """Mask of the plate's degrees of freedom that belong to its cells, (dof,)."""
     chosen = np.zeros(plate.dof, dtype=bool)
     for placed_cell in plate.placed_cells:
         local = of_cell(placed_cell.cell)
@@ -555,7 +557,7 @@ def _dofs(plate: Joined, of_cell: Callable[[Cell], IntArray]) -> BoolArray:
 
 
 def _brought(lattice: ReducedLattice, waves: Waves, degree: IntArray) -> FloatArray:
-    """By how much boundary functions of each degree (boundary,) lower each frequency at most, relative, (degrees, n)."""
+    """Largest relative lowering of each frequency by the boundary functions of each degree (boundary,), (degrees, n)."""
     free, moving = lattice.cell.interface.free, _moving(waves)
     parts = np.zeros((int(degree.max()) + 1, len(moving)))
     if not moving.any():
@@ -568,5 +570,5 @@ def _brought(lattice: ReducedLattice, waves: Waves, degree: IntArray) -> FloatAr
 
 
 def _moving(waves: Waves) -> BoolArray:
-    """Which are no rigid-body waves, (n,)."""
+    """Mask of the waves that are not rigid-body modes, (n,)."""
     return np.asarray(waves.frequency_hz > STILL * waves.frequency_hz[-1])

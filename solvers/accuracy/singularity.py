@@ -1,4 +1,4 @@
-"""Strength of the singularity at an edge where wedges of elastic materials meet: displacements grow as r^a (williams1952).
+"""Exponent of the singularity at an edge where wedges of elastic materials meet: displacements grow as r^a (williams1952).
 
 In the plane normal to the edge each wedge has Airy's function r^(a+1) F, F = A cos(a+1)t + B sin(a+1)t + C cos(a-1)t +
 D sin(a-1)t, and along the edge the displacement r^a (E cos at + G sin at). Faces are free or clamped, neighbours bonded:
@@ -46,7 +46,7 @@ def edge_exponent(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FRE
 
 
 def rim_wedges(plate: Material, pillar: Material, wall: float = pi / 2.0) -> tuple[Wedge, Wedge]:
-    """What meets at the rim of a foot: half a space of the plate, and of the pillar what its wall leaves at an angle in rad."""
+    """Wedges at the rim of a foot: a half-space of the plate, and the pillar with its wall at an angle in rad."""
     return Wedge(plate, pi), Wedge(pillar, wall)
 
 
@@ -106,7 +106,7 @@ def _lowest(conditions: Conditions) -> float:
 
 
 def _secant(function: Callable[[complex], complex], start: complex) -> complex:
-    """The root that secants from a point run to, without the tenth of a second that importing a whole optimiser takes."""
+    """Root by the secant method from a starting point, without the tenth of a second that importing an optimiser takes."""
     before, here = start, start + 1e-4 * (1.0 + start)
     there = function(before)
     for _ in range(60):

@@ -27,7 +27,7 @@ VANISHING: dict[str, tuple[int, int]] = {"clamped": (0, 1), "pinned": (0, 2), "s
 LOWEST = 0.5  # below the smallest root of any pair (pi/2), above the trivial one
 STEP = pi / 16.0  # roots of one pair lie about pi apart
 BRACKETED = 16  # from the root of this number on, near 50, exp(-beta L) is below rounding and roots lie pi apart
-PANEL, PANEL_PHASE = np.polynomial.legendre.leggauss(16), 4.0  # a Gauss rule for so much of kappa s: exact to rounding
+PANEL, PANEL_PHASE = np.polynomial.legendre.leggauss(16), 4.0  # span of kappa s per Gauss rule: exact to rounding
 
 ENOUGH = 14  # polynomial degree beyond twice the mode number; the series converges exponentially
 LOWEST_SCANNED = 0.3  # smallest bending wavenumber times L scanned, below the smallest root of any pair (about pi/2)
@@ -150,7 +150,7 @@ def roots_along(function: Callable[[float], float], grid: Iterable[float], xtol:
 
 
 def check_ends(*ends: str) -> None:
-    """SolverError when an end condition is not clamped, pinned, sliding or free."""
+    """Raise SolverError if an end condition is not clamped, pinned, sliding or free."""
     for end in ends:
         if end not in VANISHING:
             raise SolverError(f"end condition {end!r}: must be one of {', '.join(VANISHING)}")
@@ -264,7 +264,7 @@ def beam_of(length_m: float, area_m2: float, about_m4: float, shear_factor: floa
 
 
 def check_beam(beam: Beam, count: int) -> None:
-    """SolverError unless every size is finite and above 0 and at least one mode is asked."""
+    """Raise SolverError unless every size is finite and above 0 and at least one mode is requested."""
     sizes = (beam.length_m, beam.bending_n_m2, beam.shear_n, beam.mass_kg_m, beam.rotary_kg_m)
     if count < 1 or not all(np.isfinite(size) and size > 0.0 for size in sizes):
         raise SolverError(f"beam {sizes}, count {count}: every number must be finite and above 0")
@@ -355,7 +355,7 @@ def _end_matrix(kappa: float, left: str, right: str) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _first_roots(left: str, right: str, count: int) -> tuple[float, ...]:
-    """Bracketed roots; beyond BRACKETED those of trigonometry alone, quarters of pi: what is left out is below exp(-50)."""
+    """Bracketed roots; beyond BRACKETED those of trigonometry alone, quarters of pi: the neglected part is below exp(-50)."""
     bracketed = min(count, BRACKETED)
     grid = np.arange(LOWEST, (bracketed + 2) * pi, STEP)
     found = roots_along(lambda kappa: float(np.linalg.det(_end_matrix(kappa, left, right))), grid, 1e-13)

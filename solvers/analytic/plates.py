@@ -103,7 +103,7 @@ def mindlin_wave_hz(strip: Strip, along_per_m: float, across_per_m: float = 0.0)
 
 
 def beam_function_hz(strip: Strip, nodal_lines: int) -> float:
-    """The thesis' (2.25): f = 1/(2 pi) sqrt(D/(rho h)) (k^2 + (pi/W)^2), Hz, with the free-free beam's k: 0 for N = 0, 1.
+    """Thesis (2.25): f = 1/(2 pi) sqrt(D/(rho h)) (k^2 + (pi/W)^2), Hz, with the free-free beam's k: 0 for N = 0, 1.
 
     An estimate: the beam function meets neither the plate equation nor a plate's free edge (see levy_hz).
     """
@@ -306,7 +306,7 @@ def _lowest(stiffness: FloatArray, mass: FloatArray, nodal_lines: int) -> tuple[
 
 @lru_cache(maxsize=1)
 def _threads() -> ThreadpoolController:
-    """Found once: looking up the loaded thread pools takes as long as one of the solves."""
+    """Thread limit, made once: looking up the loaded thread pools takes as long as one of the solves."""
     return ThreadpoolController()
 
 
@@ -342,7 +342,7 @@ def _axis(size_m: float, parity: int, count: int, power: int) -> _Axis:
 
 @lru_cache(maxsize=32)
 def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
-    """Points and weights of the Gauss-Legendre rule; a plate asks for the same two rules a dozen times."""
+    """Points and weights of the Gauss-Legendre rule; a plate needs the same two rules a dozen times."""
     points, weights = legendre.leggauss(count)
     return points, weights
 
@@ -386,7 +386,7 @@ def _s(square: float, b: float) -> float:
 
 
 def _thin_a0_hz(wavenumber_per_m: float, thickness_m: float, material: Material) -> float:
-    """A0 of a thin plate, where the two terms of its equation all but cancel: what is left of them, by fixed point.
+    """A0 of a thin plate, where the two terms of its equation almost cancel: their difference, by fixed point.
 
     Over b, with K = (kb)^2, W = (w b/c_t)^2, X = (pb)^2, Y = (qb)^2 and m = 1 - (c_t/c_l)^2 the equation is
     W sin(pb)/(pb) cos(qb) = 4 K (K - W) m h, h = [sin(qb)/(qb) cos(pb) - sin(pb)/(pb) cos(qb)]/(Y - X), 1/3 for thin plates.

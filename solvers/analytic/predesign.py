@@ -1,4 +1,4 @@
-"""Analytic sizing: the zone's mode, the pillar that resonates with it, and how far the theories can be trusted."""
+"""Analytic sizing: the zone's mode, the pillar that resonates with it, and the limits of the theories."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class PillarSize:
 
 @dataclass(frozen=True)
 class Predesign:
-    """Sizes and the limits of what they are worth; zone or pillar is None when the design has none."""
+    """Sizes and their limits; zone or pillar is None when the design has none."""
 
     zone: ZoneSize | None
     pillar: PillarSize | None
@@ -155,11 +155,11 @@ def zone_width_m(strip: Strip, nodal_lines: int, target_hz: float) -> float:
         return _solved(lambda width: levy_hz(replace(strip, width_m=width), nodal_lines) - target_hz, strip.width_m)
     except SolverError:
         reason = f"no width gives {target_hz:g} Hz with {nodal_lines} nodal lines on {strip.length_m:g} m"
-        raise SolverError(f"{reason}: take fewer lines, a longer or a thinner zone") from None
+        raise SolverError(f"{reason}: use fewer lines, or a longer or thinner zone") from None
 
 
 def min_nodal_lines(strip: Strip, half_wavelength_m: float) -> int:
-    """Smallest N whose half-wavelength L/(N - 1/2) is not larger than the one asked for."""
+    """Smallest N whose half-wavelength L/(N - 1/2) does not exceed the requested one."""
     check_above_zero("half-wavelength", half_wavelength_m)
     return max(2, ceil(strip.length_m / half_wavelength_m + 0.5 - 1e-9))
 
@@ -199,7 +199,7 @@ def _solved(excess: Callable[[float], float], start: float) -> float:
     low = next((x for x in (start / 1.5**n for n in range(41)) if excess(x) >= 0.0), None)
     high = next((x for x in (start * 1.5**n for n in range(41)) if excess(x) <= 0.0), None)
     if low is None or high is None:
-        raise SolverError("no such length")
+        raise SolverError("no such length exists")
     return low if low == high else root_between(excess, low, high, 1e-9 * start)
 
 
@@ -244,7 +244,7 @@ def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
 
 
 def _row_limits(design: Design) -> list[str]:
-    """What differs from row to row: each row's pillar beside the first one's, which the sizes above are of."""
+    """Differences from row to row: each row's pillar, next to the first row's, to which the sizes above belong."""
     return [
         f"row {number}: its pillar, {1e3 * pillar.base_m:.3g} mm wide and {1e3 * pillar.height_m:.3g} mm high, bends at "
         f"{pillar_frequencies_hz(pillar, 'timoshenko')[0] / 1e3:.3g} kHz on a clamped foot, shear counted"
@@ -264,15 +264,15 @@ def _pillar_limits(pillar: Pillar, size: PillarSize) -> list[str]:
     ]
     if slenderness < 3.0:
         lines.append(
-            f"pillar: height over width {slenderness:.2f} is below 3: beam theory is a guess, compute the solid"
+            f"pillar: height over width {slenderness:.2f} is below 3: beam theory is only a guess; compute the solid"
         )
     if pillar.tip:
         share = pillar.tip.mass_kg / (pillar.mass_kg - pillar.tip.mass_kg)
         lines.append(
-            f"pillar: its heavy tip, {share:.2g} times the pillar's mass, is taken for a rigid block on its end"
+            f"pillar: its heavy tip, {share:.2g} times the pillar's mass, is treated as a rigid block on its end"
         )
     if note := pillar.form.sizing_note:
         lines.append(f"pillar: {note}")
     if pillar.fillet_m > 0.0:
-        lines.append(f"pillar: the foot fillet of {1e3 * pillar.fillet_m:g} mm stiffens it and is left out here")
+        lines.append(f"pillar: the foot fillet of {1e3 * pillar.fillet_m:g} mm stiffens it but is neglected here")
     return lines

@@ -53,10 +53,10 @@ class Circle:
 
 @dataclass(frozen=True)
 class Identified:
-    """The mode as seen through the drive and the sensor: its gain's phase is what the delay does not explain.
+    """The mode as seen through the drive and the sensor: its gain's phase is the part that the delay does not explain.
 
-    background: what is left far from resonance; circle: of the response with the delay taken out. frequency_error,
-    quality_error: relative half-widths of the bars by the scatter of the points, None of too few.
+    background: the rest far from resonance; circle: of the response with the delay taken out. frequency_error,
+    quality_error: relative error bars (half-widths) due to the scatter of the points, None for too few.
     """
 
     plant: ModePlant
@@ -118,16 +118,16 @@ def fit_phase(frequencies_hz: FloatArray, angles: FloatArray) -> tuple[float, fl
 def identify(sweep: Sweep, sensor: Sensor = "velocity", delay_s: float = 0.0) -> Identified:
     """The mode of a sweep across its resonance.
 
-    delay_s: what is known of it. A real mode's gain has the phase 0 or pi for velocity, -pi/2 or pi/2 for displacement (that
+    delay_s: its known part. A real mode's gain has the phase 0 or pi for velocity, -pi/2 or pi/2 for displacement (that
     response is taken times j omega/omega_0); what is left of it, within a quarter of a turn, is delay that was not known.
-    SolverError when the points are no circle or cover less than a quarter of one.
+    SolverError if the points do not form a circle or cover less than a quarter of one.
     """
     velocity = _as_velocity(sweep, sensor)
     for _ in range(3):
         plant = _fit(sweep.frequencies_hz, velocity, delay_s)[0]
         phase_left = (np.angle(plant.gain) + pi / 2.0) % pi - pi / 2.0
         delay_s = float(delay_s - phase_left / plant.omega_rad_s)
-    if delay_s < 0.0:  # noise about none, or a half turn too few
+    if delay_s < 0.0:  # noise around no circle, or less than half a turn
         delay_s = 0.0 if delay_s * plant.frequency_hz > -ROUNDING_TURNS else delay_s + 0.5 / plant.frequency_hz
     plant, background, circle = _fit(sweep.frequencies_hz, velocity, delay_s)
     errors = _by_scatter(sweep.frequencies_hz, _advanced(sweep.frequencies_hz, velocity, delay_s), plant, background)
@@ -175,7 +175,9 @@ def _fit(frequencies_hz: FloatArray, response: ComplexArray, delay_s: float) -> 
     circle = fit_circle(straight)
     angles = np.unwrap(np.angle(straight - circle.centre))
     if circle.misfit > MISFIT_MAX:
-        raise SolverError(f"the response is no circle: its points lie {100 * circle.misfit:.1f} % of the radius off it")
+        raise SolverError(
+            f"the response is not a circle: its points lie {100 * circle.misfit:.1f} % of the radius off it"
+        )
     if np.ptp(angles) < ARC_MIN:
         raise SolverError(
             f"the sweep covers {np.degrees(np.ptp(angles)):.0f} degrees of the circle, at least 90 are needed"
@@ -211,8 +213,8 @@ def noisy(sweep: Sweep, rms: float, seed: int = 1) -> Sweep:
 
 
 # -- measured sweeps ---------------------------------------------------------------------------------------------------
-# Peak, frequency and quality factor of a measured sweep: circle fit about its highest point, half-power width beside
-# it.
+# Peak, frequency and quality factor of a measured sweep: circle fit about its highest point, and its half-power
+# width.
 
 FLOOR = 0.5  # of the peak: points about it that reach so high, 240 degrees of a single mode's circle, are fitted
 MIN_COUNT = 8
@@ -220,10 +222,10 @@ MIN_COUNT = 8
 
 @dataclass(frozen=True)
 class Resonance:
-    """A sweep's highest point and what is identified about it.
+    """A sweep's highest point and the mode identified around it.
 
     frequency_hz, quality_factor: the circle's, or the highest point and the half-power width where there is no circle
-    (`trouble` says why); low_hz, high_hz: what the circle was fitted to.
+    (`trouble` says why); low_hz, high_hz: range of the circle fit.
     """
 
     peak_hz: float
@@ -248,7 +250,7 @@ def resonance(sweep: Sweep, sensor: Sensor) -> Resonance:
         identified = identify(part, sensor)
         tone = identified.plant.frequency_hz
         if not part.frequencies_hz[0] <= tone <= part.frequencies_hz[-1]:
-            raise SolverError(f"the circle's frequency {tone:.1f} Hz lies outside what was fitted")
+            raise SolverError(f"the circle's frequency {tone:.1f} Hz lies outside the fitted range")
     except SolverError as fault:
         identified, trouble = None, str(fault)
     peak_hz = float(sweep.frequencies_hz[peak])
@@ -259,7 +261,7 @@ def resonance(sweep: Sweep, sensor: Sensor) -> Resonance:
 
 
 def _about(amplitude: FloatArray, peak: int) -> tuple[int, int]:
-    """The unbroken range about the peak above the floor, widened evenly to what a fit needs."""
+    """The unbroken range about the peak above the floor, widened evenly to the points that a fit needs."""
     above = amplitude >= FLOOR * amplitude[peak]
     low = peak - int(np.argmin(above[peak::-1])) + 1 if not above[: peak + 1].all() else 0
     high = peak + int(np.argmin(above[peak:])) if not above[peak:].all() else len(amplitude)

@@ -14,7 +14,7 @@ from geometry.elements import BoolArray, ComplexArray, FloatArray
 from solvers.errors import SolverError, check_above_zero, checked_frequencies
 
 # -- rotating frame ----------------------------------------------------------------------------------------------------
-# One mode in the frame that turns with its drive, the PI that controls it there, and what the drive's limit allows.
+# One mode in the frame that turns with its drive, the PI that controls it there, and the limits that the drive sets.
 # e^{+j omega t}; U = U_d + j U_q is the phasor of velocity (or of a signal that follows it), V that of the drive: 2 M
 # dU/dt + (D + 2 j M d) U = N V, d = omega - omega_0, which is tau dU/dt + (1 + j tau d) U = G V.
 
@@ -124,7 +124,7 @@ def sampled_gains(plant: ModePlant, response_s: float, period_s: float, proporti
 
 @dataclass(frozen=True)
 class Feasibility:
-    """What an amplitude asks of the drive: held, and at its peak while rising with tau_d; both in units of the drive.
+    """Drive that an amplitude needs: to hold it, and at the peak while rising with tau_d; both in units of the drive.
 
     share: of the amplitude at full drive; feasible: the drive never meets its limit; largest_reference: up to where tau_d is
     kept; least_time_s: to 95 % at full drive, inf beyond what can be held.
@@ -144,8 +144,8 @@ def feasibility(
 ) -> Feasibility:
     """Drive for U = r (1 - e^{-t/tau_d}): |V| = |tau U' + (1 + j tau d) U|/G, largest at one of its ends.
 
-    At full drive |U| can rise as G V (1 - e^{-t/tau}) whatever the detuning, for the drive may turn with the mode; 95 % then
-    take -tau ln(1 - 0.95 r/(G V)). SolverError unless reference, tau_d and limit are above 0.
+    At full drive |U| can rise as G V (1 - e^{-t/tau}) whatever the detuning, because the drive may turn with the mode.
+    95 % then take -tau ln(1 - 0.95 r/(G V)). SolverError unless reference, tau_d and limit are above 0.
     """
     check_above_zero("reference, response, drive limit", reference, response_s, drive_limit)
     size = abs(plant.gain)
@@ -171,9 +171,9 @@ def feasibility(
 # full scale.
 
 AntiWindup = Literal["match", "freeze", "none"]
-NEIGHBOUR_LOOP = 0.5  # loop gain that a mode beside the target mode may have, whatever its phase
+NEIGHBOUR_LOOP = 0.5  # loop gain that a mode next to the target mode may have, whatever its phase
 LEAVING_S = 0.2e-3  # the loop's time constant on the way out of the drive's limit: about a period
-LIMITED = 2  # and one less a period: until the end of the limit shows in the measurement
+LIMITED = 2  # and one less per period, until the end of the limit shows in the measurement
 
 
 @dataclass(frozen=True)
@@ -191,22 +191,22 @@ class Rates:
 
     @property
     def period_s(self) -> float:
-        """Between two slow steps, s."""
+        """Time between two slow steps, s."""
         return self.period / self.sample_rate_hz
 
     @property
     def ahead_s(self) -> float:
-        """From the middle of a window to its answer, s."""
+        """Time from the middle of a window to its answer, s."""
         return ((self.period - self.gap) / 2.0 + self.gap) / self.sample_rate_hz
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What is simulated: the plate, the controller's idea of it, and the imperfections between them.
+    """Simulated system: the plate, the controller's model of it, and the imperfections between them.
 
     modes: the plate's, velocity response from drive to signal (complex gains allowed); the first is controlled.
     known: the controller's copy, None for the truth; detuning_hz: of the drive from the known frequency. delay_s: dead time
-    beyond the hold; known_delay_s: what the controller makes good of it and of the hold's half sample, None for all.
+    beyond the hold; known_delay_s: the part of it and of the hold's half sample that the controller compensates, None: all.
     """
 
     modes: tuple[ModePlant, ...]
@@ -235,30 +235,30 @@ class Setup:
 
     @property
     def model(self) -> ModePlant:
-        """What the controller works with."""
+        """The controller's model of the plate."""
         return self.known if self.known is not None else self.modes[0]
 
     @property
     def gains(self) -> SampledPi:
-        """K_p and its integral, bounded by what the strongest neighbour allows."""
+        """K_p and its integral, bounded by the strongest neighbour."""
         others = [abs(mode.gain) for mode in self.modes[1:]]
         bound = NEIGHBOUR_LOOP / max(others) if others else inf
         return sampled_gains(self.model, self.response_s, self.rates.period_s, bound)
 
     @property
     def leaving(self) -> SampledPi:
-        """The same from the drive's limit, which is left when one period is about enough to arrive."""
+        """Gains on the way out of the drive's limit, which ends when one period is about enough to arrive."""
         return replace(self, response_s=min(LEAVING_S, self.response_s)).gains
 
     @property
     def omega_rad_s(self) -> float:
-        """Of the drive, rad/s."""
+        """Angular frequency of the drive, rad/s."""
         return 2.0 * pi * (self.model.frequency_hz + self.detuning_hz)
 
 
 @dataclass(frozen=True)
 class Trace:
-    """One value a period, shape (n,): time of the window's middle, s, reference, measured phasor in the mode's frame, drive.
+    """One value per period, shape (n,): time of the window's middle, s, reference, measured phasor in the mode's frame, drive.
 
     limited: where the drive met its limit.
     """
@@ -282,7 +282,7 @@ class Trace:
         return float(self.time_s[i - 1] + part * (self.time_s[i] - self.time_s[i - 1]))
 
     def settled_s(self, band: float = 0.05) -> float:
-        """From when on U stays within `band` of the last reference; inf if it does not at the end."""
+        """Time from which U stays within `band` of the last reference; inf if it does not at the end."""
         off = np.abs(self.measured - self.reference[-1]) > band * abs(self.reference[-1])
         if off[-1]:
             return inf
@@ -295,7 +295,7 @@ class Trace:
 
 
 def step_response(setup: Setup, reference: float, seconds: float = 20e-3) -> Trace:
-    """From rest to a reference at time 0, right after a slow step: the worst moment. SolverError unless above 0."""
+    """Simulate a step from rest to a reference at time 0, right after a slow step, the worst moment."""
     check_above_zero("reference", reference)
     periods = max(round(seconds / setup.rates.period_s), 1)
     return run(setup, np.full(periods, reference))

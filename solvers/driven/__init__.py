@@ -1,1 +1,1 @@
-"""What patches make of a driven plate together, and the error bars of it."""
+"""A plate driven by several patches, and the error bars of its response."""

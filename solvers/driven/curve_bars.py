@@ -1,4 +1,4 @@
-"""Error bars of what a driven plate does at many frequencies, from one solve: on its faces and under contacts."""
+"""Error bars of a driven plate's response at many frequencies, from one solve: on its faces and under contacts."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from solvers.piezo.forced import ForcedPlate, GroupModes
 from solvers.piezo.responses import frequency_errors, load_errors
 
 # -- quadratic forms ---------------------------------------------------------------------------------------------------
-# Error bars of what a driven plate does at many tones, from one solve: its quadratic forms on plates within its bars.
-# What may be wrong, each independent of the others and their changes added by squares, with the worst of each:
+# Error bars of a driven plate's response at many frequencies, from one solve: quadratic forms on plates within its bars.
+# Independent sources of error, whose worst changes are added by squares:
 #
 # * the frequency of each mode, within its bar: at its ends, where the resonance comes nearest to the tone, and half-way there;
-# * the stiffness that couples the mode nearest to a tone with each other one of its group, as `error_bars` has it;
-# * the load of each mode: what its patches may be wrong by has one origin and adds up by size;
-# * the load of each driver, and of all of them, on all modes; what lies beyond the modes, as much as the least known mode.
+# * the stiffness that couples the mode nearest to a frequency with each other one of its group, as `error_bars` has it;
+# * the load of each mode: the errors of its patches have one origin and add up by size;
+# * the load of each driver, and of all of them, on all modes; the part beyond the modes, as uncertain as the least known mode.
 
-Change = Callable[[Any], ComplexArray]  # of Forms, or of Motions at as many tones
+Change = Callable[[Any], ComplexArray]  # of Forms, or of Motions at as many frequencies
 SIGNS = np.array([-1.0, 1.0])
 AT_ONCE = 16  # tones
-ROUNDING = 1e-9  # of the largest sum that amplitudes could give: less is no motion
+ROUNDING = 1e-9  # of the largest sum that amplitudes could give: less counts as no motion
 
 
 @dataclass(frozen=True, eq=False)
 class Doubts:
-    """What may be wrong about a plate's n modes: eigenvalues value (n,), their lowest and highest change (n, 2), relative
+    """Uncertainties of a plate's n modes: eigenvalues value (n,), their lowest and highest change (n, 2), relative
     errors of the frequencies (n,); errors of the drivers' loads (n, d), and of all of those of a driver, relative, (d,).
 
-    group (n,): number of each mode's group; share: of the bound on mixing that is expected; beyond: error of what lies beyond
-    the modes, relative.
+    group (n,): number of each mode's group; share: of the bound on mixing that is expected; beyond: relative error of the part
+    beyond the modes.
     """
 
     value: FloatArray
@@ -52,7 +52,7 @@ class Doubts:
         return np.asarray(np.abs(np.sqrt(self.value) - np.sqrt(eigenvalue)[:, None]).argmin(axis=1))
 
     def ends(self, eigenvalue: float) -> tuple[int, FloatArray]:
-        """The mode nearest to a tone, and factors (2,) on its frequency at the ends of its bar."""
+        """The mode nearest to a frequency, and factors (2,) on its frequency at the ends of its bar."""
         mode = int(self.nearest(np.array([eigenvalue]))[0])
         return mode, np.sqrt(1.0 + self.change[mode] / self.value[mode])
 
@@ -64,7 +64,7 @@ class Doubts:
 
 
 def doubts(forced: ForcedPlate, share: float | None, modes: list[GroupModes] | None = None) -> Doubts | None:
-    """What may be wrong about a plate, or about more modes than it drives; None where one part of it is not known.
+    """Uncertainties of a plate, or of more modes than it drives; None if a part of them is unknown.
 
     share: see `Doubts`.
     """
@@ -91,24 +91,26 @@ def doubts(forced: ForcedPlate, share: float | None, modes: list[GroupModes] | N
 def changes(
     known: Doubts, forms: Forms | Motions, eigenvalue: FloatArray, volts: ComplexArray, still: int | None = None
 ) -> Iterator[Change]:
-    """What each kind of source makes of a plate's forms: S (k, t, m, s, d, d) of m sources, s plates each.
+    """Forms of the plates that each kind of source allows: S (k, t, m, s, d, d) of m sources, s plates each.
 
     Parameters
     ----------
     known : Doubts
     forms : Forms or Motions
-        At the tones; the changes may be asked of forms of the same plate at as many other tones, too.
+        At the frequencies; the changes may be applied to forms at as many other frequencies, too.
     eigenvalue : ndarray, shape (t,)
-        Of the tones, scaled.
+        Of the frequencies, scaled.
     volts : ndarray, shape (t, d)
         By which loads on a mode add up.
     still : int, optional
-        Number of a mode that stays where it is.
+        Number of a mode that keeps its frequency.
     """
     softer = forms.lossy * forms.own
     nearest = np.clip(-softer.real / np.abs(softer) ** 2, *known.change.T)
     ends = [np.broadcast_to(end, nearest.shape) for end in known.change.T]
-    between = [0.5 * (end + nearest) for end in ends]  # for figures of more than one tone, which lie worst elsewhere
+    between = [
+        0.5 * (end + nearest) for end in ends
+    ]  # for figures of several frequencies, whose worst case lies elsewhere
     moved = np.stack([*ends, nearest, *between], axis=-1)
     if still is not None:
         moved[:, still] = 0.0
@@ -123,7 +125,7 @@ def changes(
 
 
 def _coupling(known: Doubts, mode: IntArray) -> FloatArray:
-    """Stiffness that couples one mode a tone (t,) with each other one of its group, (t, n, 2)."""
+    """Stiffness that couples one mode per frequency (t,) with each other one of its group, (t, n, 2)."""
     error = np.maximum(known.frequency, known.frequency[mode][:, None])
     size = 2.0 * known.share * error * np.sqrt(np.maximum(known.value * known.value[mode][:, None], 0.0))
     others = (known.group == known.group[mode][:, None]) & (np.arange(len(known.value)) != mode[:, None])
@@ -131,7 +133,7 @@ def _coupling(known: Doubts, mode: IntArray) -> FloatArray:
 
 
 def _turned(forms: Forms | Motions, volts: ComplexArray) -> ComplexArray:
-    """Phases (t, n, d) with which errors of the drivers' loads on a mode add up, and to what moves it."""
+    """Phases (t, n, d) with which errors of the drivers' loads on a mode add up, and the motion that moves it."""
     flexible = forms.flexible[..., None]
     moving, most = (forms.modal @ volts[..., None]) / flexible, np.abs(forms.modal) @ np.abs(volts)[..., None]
     fed = np.abs(volts).max(axis=-1, keepdims=True)
@@ -154,7 +156,7 @@ def _louder(known: Doubts) -> FloatArray:
 def half_widths(
     nominal: FloatArray, sources: Iterator[Change], forms: Sequence[Forms | Motions], figures: Callable[..., FloatArray]
 ) -> FloatArray:
-    """Half-widths (f, t) of the bars of figures (f, t), by all sources together.
+    """Error bars (half-widths) (f, t) of figures (f, t), by all sources together.
 
     figures: gives them (f, t, m, s) from S (k, t, m, s, d, d) of each of the plate's forms.
     """
@@ -168,7 +170,7 @@ def half_widths(
 def rms_bars(
     known: Doubts, forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray, volts: ComplexArray
 ) -> FloatArray:
-    """Half-widths of the bars of the rms of u_z over k parts, in the unit of the rms, (f, k, t).
+    """Error bars (half-widths) of the rms of u_z over k parts, in the unit of the rms, (f, k, t).
 
     Parameters
     ----------
@@ -194,7 +196,7 @@ def rms_bars(
 
 
 def rms(squares: ComplexArray) -> FloatArray:
-    """Of one voltage's forms (k, ..., 1, 1)."""
+    """Rms from the forms (k, ..., 1, 1) of one voltage."""
     return np.asarray(np.sqrt(np.maximum(squares[..., 0, 0].real, 0.0)))
 
 
@@ -202,7 +204,7 @@ def with_peak(
     known: Doubts, forced: ForcedPlate, grams: FloatArray, peak_hz: float, volts: ComplexArray,
     figures: Callable[[ComplexArray], FloatArray],
 ) -> FloatArray:  # fmt: skip
-    """Half-widths (f,) of figures at a peak that follows its mode, the nearest one; volts (d,) of the drivers.
+    """Error bars (half-widths) (f,) of figures at a peak that follows its mode, the nearest one; volts (d,) of the drivers.
 
     figures: gives them from S (k, ..., 1, 1), (f, ...).
     """
@@ -219,7 +221,7 @@ def with_peak(
 
 
 def in_parts(bars: Callable[[FloatArray], FloatArray], frequency_hz: FloatArray) -> FloatArray:
-    """What a function makes of some tones, (..., n), asked for a few at a time."""
+    """Values (..., n) of a function at some frequencies, a few at a time."""
     parts = np.array_split(frequency_hz, -(-len(frequency_hz) // AT_ONCE))
     return np.concatenate([bars(part) for part in parts], axis=-1)
 
@@ -228,7 +230,7 @@ def in_parts(bars: Callable[[FloatArray], FloatArray], frequency_hz: FloatArray)
 # Motions of a driven plate at places where something presses on it, and those of plates like it, as `forms` gives their
 # squares.
 # Loads L are voltages of patches and forces at the points of a contact. R = G' f G + R0 gives charges and motions,
-# with gains G and flexibilities f of the modes, and R0 of what lies beyond them. Open patches carry no charge, and a
+# with gains G and flexibilities f of the modes, and R0 of the part beyond them. Open patches carry no charge, and a
 # contact of stiffness D bears the force -D u: S L_u = -R L_fed with S = R + diag(C, 1/D) of these loads. What a force
 # on a mode moves, and how it moves the modes, then is
 #
@@ -237,10 +239,10 @@ def in_parts(bars: Callable[[FloatArray], FloatArray], frequency_hz: FloatArray)
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """Outputs (t, m, d) of a plate at t places per drive, what of them no mode carries, and what a force on a mode gives.
+    """Outputs (t, m, d) of a plate at t places per drive, their part beyond the modes, and those of a force on a mode.
 
     answers, rest (t, m, d); moved (t, m, n); modal (t, n, d): motion of the modes; within (t, n, n): f_ij; flexible (1, n).
-    drivers, volts (t, d): the same of each driver, and what they are fed with where d = 1 stands for all together.
+    drivers, volts (t, d): those of each driver, and the drivers' voltages if d = 1 stands for all together.
     """
 
     lossy: complex
@@ -259,7 +261,7 @@ class Motions:
         return np.diagonal(self.within, axis1=1, axis2=2)
 
     def fed(self, volts: ComplexArray) -> Motions:
-        """The same of one voltage alone: the drivers', (t, d)."""
+        """Motions with a single voltage, which feeds the drivers by (t, d)."""
         parts = {name: getattr(self, name) @ volts[..., None] for name in ("answers", "rest_only", "modal")}
         return replace(self, **parts, drivers=self, volts=volts)
 
@@ -268,23 +270,23 @@ class Motions:
         return self._forced(softened_rows(np.asarray(self.lossy * change), self.own, self.modal)[..., 0])
 
     def coupled(self, mode: IntArray, change: FloatArray) -> ComplexArray:
-        """The same with one mode a place (t,) and each other coupled by a stiffness (t, n, s), 0 to itself."""
+        """Outputs with one mode per place (t,) coupled to each other one by a stiffness (t, n, s), 0 to itself."""
         at = np.arange(len(mode))
         rows = coupled_rows(np.asarray(self.lossy * change), self.own, self.modal, mode, self.within[at, mode])[..., 0]
         first = rows[..., 0][..., None] * self.moved[at, :, mode][:, None, None]
         return self._forced(rows[..., 1]) + first
 
     def forced(self, rows: ComplexArray) -> ComplexArray:
-        """The same with a further force on each mode, (t, n, s, drivers) per volt."""
+        """Outputs with a further force on each mode, (t, n, s, drivers) per volt."""
         assert self.volts is not None
         return self._forced((rows @ self.volts[:, None, :, None])[..., 0])
 
     def rest(self, share: FloatArray) -> ComplexArray:
-        """The same with what lies beyond the modes larger by shares (s,), to first order: (t, 1, s, m)."""
+        """Outputs with the part beyond the modes larger by shares (s,), to first order: (t, 1, s, m)."""
         return np.asarray(self._plain + share[:, None] * self.rest_only[:, None, None, :, 0])
 
     def louder(self, factor: FloatArray) -> ComplexArray:
-        """The same with the drivers' answers times factors (k, s, d): (t, k, s, m)."""
+        """Outputs with the drivers' answers times factors (k, s, d): (t, k, s, m)."""
         assert self.drivers is not None and self.volts is not None
         fed = factor * self.volts[:, None, None]
         return np.asarray(np.einsum("tmd,tksd->tksm", self.drivers.answers, fed))
@@ -301,7 +303,7 @@ class Motions:
 class Contacts:
     """A plate seen from its patches and the points of a contact at t places, in SI.
 
-    beyond (t, l, l): what of the receptance no mode carries; gains (t, n, l) and scaled eigenvalues value (n,) of the modes;
+    beyond (t, l, l): part of the receptance beyond the modes; gains (t, n, l) and scaled eigenvalues value (n,) of the modes;
     unit: N/m of one of stiffness. capacitance_f (patches,); drivers, sensors: by number among the patches, the first loads.
     """
 
@@ -316,7 +318,7 @@ class Contacts:
 
     @classmethod
     def of(cls, receptance: ComplexArray, eigenvalue: float, **plate: Any) -> Contacts:
-        """From receptances (t, l, l) at an eigenvalue."""
+        """Contacts from receptances (t, l, l) at an eigenvalue."""
         modal = cls(np.zeros_like(receptance), **plate).receptance(eigenvalue)
         return cls(np.asarray(receptance - modal), **plate)
 
@@ -380,13 +382,13 @@ Figures = Callable[..., FloatArray]
 def peak_half_widths(
     known: Doubts, motions: Callable[[float], list[Motions]], eigenvalue: float, volts: ComplexArray, figures: Figures
 ) -> FloatArray:
-    """Half-widths (f, t) of the bars of figures at a peak that follows its mode, the nearest one.
+    """Error bars (half-widths) (f, t) of figures at a peak that follows its mode, the nearest one.
 
     Parameters
     ----------
     known : Doubts
     motions : callable
-        Of the plate at scaled eigenvalues, free and touched, say; the last one is what changes are made for.
+        Of the plate at scaled eigenvalues, free and touched, say; changes apply to the last one.
     eigenvalue : float
         Of the peak.
     volts : ndarray, shape (d,)

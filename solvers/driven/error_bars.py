@@ -15,21 +15,22 @@ from solvers.piezo.forced import ForcedPlate, GroupModes, PlateMode
 from solvers.piezo.responses import open_patches
 
 # -- any figure --------------------------------------------------------------------------------------------------------
-# Error bars of what a driven plate does: those of its resonances, and what they make of any figure computed from them.
-# A stiffness that is wrong by d, |d_ij| <= 2 e (l_i l_j)^(1/2) of M-orthonormal modes with eigenvalues l and relative
+# Error bars of a driven plate: those of its resonances, and those of any figure computed from them.
+# A stiffness with an error d, |d_ij| <= 2 e (l_i l_j)^(1/2) of M-orthonormal modes with eigenvalues l and relative
 # frequency errors e (parlett1998), moves each resonance and mixes the modes. A figure is computed again on plates
-# that differ so: every resonance moved to either end of its bar, the pairs of a resonating mode and each other one
-# mixed. It is nonlinear where modes lie close to each other or to the tone; the changes of independent sources add up
+# with these differences: every resonance moved to either end of its bar, the pairs of a resonating mode and each other one
+# mixed. It is nonlinear where modes lie close to each other or to the frequency; the changes of independent sources add up
 # by their squares.
 
 Plate = TypeVar("Plate", bound=ForcedPlate)
 Varied = TypeVar("Varied")  # a Variation, a Louder, or how a plate so changed is driven
-CACHED = ("all_modes", "_touched")  # what follows from modes and is computed again when asked for
+CACHED = ("all_modes", "_touched")  # values derived from modes, computed again on demand
 
 
 def frequency_errors(forced: ForcedPlate) -> list[FloatArray]:
-    """Half-width of the bar of every resonance about the band by mesh, reduction and bonding, relative, (modes,) a group in the
-    order of `bases`; NaN where nothing shows it.
+    """Relative error bars (half-widths) of the resonances around the band, due to mesh, reduction and bonding.
+
+    (modes,) per group in the order of `bases`; NaN without an estimate.
     """
     return [responses.frequency_errors(basis).total for basis in bases(forced)]
 
@@ -43,7 +44,7 @@ def bases(forced: ForcedPlate) -> list[GroupModes]:
 
 
 def frequency_error(forced: ForcedPlate, frequency_hz: float, errors: list[FloatArray]) -> float | None:
-    """Half-width of the bar of the resonance nearest to a frequency, relative; None where it is not known."""
+    """Relative error bar (half-width) of the resonance nearest to a frequency; None without an estimate."""
     tones = np.concatenate([basis.frequency_hz for basis in bases(forced)])
     if not len(tones):
         return None
@@ -53,7 +54,7 @@ def frequency_error(forced: ForcedPlate, frequency_hz: float, errors: list[Float
 
 @dataclass(frozen=True)
 class Variation:
-    """A plate within its bars: new eigenvalues of some modes of a group, and the pair that turns into each other by an angle.
+    """A plate within its error bars: new eigenvalues of some modes of a group, and the pair mixed by an angle.
 
     own: factor on the frequency of the resonance in question.
     """
@@ -65,7 +66,7 @@ class Variation:
     own: float = 1.0
 
     def of(self, plate: Plate) -> Plate:
-        """A plate with these modes, free or under a finger; what is fed to it stays."""
+        """A plate with these modes, free or under a finger, with the same drive."""
         other = copy(plate)
         for name in CACHED:
             other.__dict__.pop(name, None)
@@ -138,7 +139,7 @@ class Variation:
 def variations(
     forced: ForcedPlate, errors: list[FloatArray], resonating_hz: float, share: float
 ) -> Iterator[tuple[Variation, ...]]:
-    """Plates within the bars about the resonance nearest to a frequency, those of one source together.
+    """Plates within the error bars about the resonance nearest to a frequency, those of one source together.
 
     share: of the bound on mixing that is expected (`solvers.accuracy.calibration`).
     """
@@ -197,7 +198,7 @@ class Louder:
         return other
 
     def of_columns(self, basis: GroupModes, values: FloatArray) -> FloatArray:
-        """Values of a group's columns, which stay."""
+        """Values of a group's columns, unchanged."""
         return values
 
     def of_basis(self, basis: GroupModes, patches: int | None = None) -> GroupModes:
@@ -218,13 +219,13 @@ def louder(forced: ForcedPlate, error: float) -> Iterator[tuple[Louder, ...]]:
 def sources(
     forced: ForcedPlate, errors: list[FloatArray], resonating_hz: float, share: float, load: float | None
 ) -> Iterator[tuple[Variation | Louder, ...]]:
-    """All that may be wrong about the resonance nearest to a frequency; load: half-width of the loads' bar, relative."""
+    """Sources of error of the resonance nearest to a frequency; load: relative error bar of the loads."""
     yield from variations(forced, errors, resonating_hz, share)
     yield from louder(forced, np.nan if load is None else load)
 
 
 def is_known(errors: list[FloatArray]) -> bool:
-    """Whether every resonance has a bar."""
+    """Whether every resonance has an error bar."""
     return all(bool(np.isfinite(each).all()) for each in errors)
 
 
@@ -233,7 +234,7 @@ def half_widths(
     sources: Iterable[tuple[Varied, ...]],
     figures: Callable[[Varied], FloatArray],
 ) -> FloatArray:
-    """Half-widths of the bars of figures (n,) that are computed again on varied plates; NaN where one of them is not known."""
+    """Error bars (half-widths) of figures (n,) computed again on varied plates; NaN without an estimate."""
     squares = np.zeros_like(nominal)
     for source in sources:
         squares += np.max([np.abs(figures(each) - nominal) for each in source], axis=0) ** 2
@@ -244,15 +245,15 @@ def half_widths(
 # First-order changes of the quality factor read from a peak, by small changes of the modes behind it.
 # The zone's square z^2 = sum a^H G a has modal amplitudes a = D g'v with voltages v. A symmetric change E of the
 # modes' stiffness changes it by -2 Re (1 + i/Q) s'D E a, s' = a^H G - q^H C^-1 g': q = dz^2/dv, C the charge per volt
-# of the patches that no voltage holds. One adjoint a tone so serves every E; the changes of ln z^2 on the peak and at
+# of the patches that no voltage holds. One adjoint per frequency so serves every E; the changes of ln z^2 on the peak and at
 # its half-power points make that of the quality factor.
 
-STEP = 0.01  # of the half-power width: tones on both sides of one, for derivatives
+STEP = 0.01  # of the half-power width: frequencies on both sides of one, for derivatives
 
 
 @dataclass(frozen=True, eq=False)
 class WidthRates:
-    """Rates of ln Q per change of the modes' stiffness, (modes, modes) a group, and the largest flexibility of each mode about
+    """Rates of ln Q per change of the modes' stiffness, (modes, modes) per group, and each mode's largest flexibility about
     the peak, (modes,).
     """
 
@@ -306,7 +307,7 @@ def width_rates(forced: ForcedPlate, peak_hz: float, half_hz: tuple[float, float
 
 
 def _weights(level: FloatArray, peak_hz: float, width: float, step: float) -> FloatArray:
-    """Change of ln Q = ln f0 - ln (f2 - f1) per change of ln z^2 at the tones, three about each of f0, f1 and f2, (9,)."""
+    """Change of ln Q = ln f0 - ln (f2 - f1) per change of ln z^2, at three frequencies about each of f0, f1 and f2, (9,)."""
     top, low, high = level.reshape(3, 3)
     below, above = (side[2] - side[0] for side in (low, high))
     curving = top[0] - 2.0 * top[1] + top[2]

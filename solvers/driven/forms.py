@@ -21,7 +21,7 @@ ROUNDING = 1e-12  # of the outside's mean: what voltages that move nothing there
 
 
 def contrast_volts(plate: ForcedPlate, frequency_hz: float) -> ComplexArray | None:
-    """Voltages of all patches, 0 of those that listen, the largest of size 1; None with one driver or no passive face."""
+    """Voltages of all patches, 0 for sensors, the largest of size 1; None with one driver or no passive face."""
     drivers = plate.drivers
     passive = 2.0 * plate.design.half_span_m > plate.design.width_m * (1.0 + 1e-9)
     if len(drivers) < 2 or plate.circuit != "short" or not passive:
@@ -83,11 +83,11 @@ def clamped_charges(plate: ForcedPlate, eigenvalue: float | FloatArray) -> tuple
 
 @dataclass(frozen=True, eq=False)
 class Forms:
-    """A plate's forms at t tones.
+    """A plate's forms at t frequencies.
 
     grams (k, columns, columns): of the parts. places (n,): the modes' columns. answers (t, columns, d): X. flexible (t, n): of
     the modes alone. charged (t, columns, o), gains (n, o): answers to unit charges on the open patches, and their gains.
-    drivers, volts (t, drivers): the forms of each driver, and what they are fed with where d = 1 stands for all together.
+    drivers, volts (t, drivers): the forms of each driver, and the drivers' voltages if d = 1 stands for all together.
     """
 
     grams: FloatArray
@@ -131,11 +131,11 @@ class Forms:
         return np.asarray(np.abs(self.flexible) ** 2 * (single - crossed + both))
 
     def at(self, tones: slice) -> Forms:
-        """The same at some of the tones."""
+        """Forms at some of the frequencies."""
         return replace(self, answers=self.answers[tones], flexible=self.flexible[tones], charged=self.charged[tones])
 
     def fed(self, volts: ComplexArray) -> Forms:
-        """The same of one voltage alone: the drivers', (t, d)."""
+        """Forms of a single voltage, which feeds the drivers by (t, d)."""
         return replace(self, answers=self.answers @ volts[..., None], drivers=self, volts=volts)
 
     def softened(self, change: FloatArray) -> ComplexArray:
@@ -167,7 +167,7 @@ class Forms:
         return np.asarray(np.einsum("tmsa,ktab,tmsb->ktms", fed.conj(), self.drivers.squares, fed)[..., None, None])
 
     def coupled(self, mode: IntArray, change: FloatArray) -> ComplexArray:
-        """S with one mode a tone (t,) and each other coupled by a stiffness (t, n, s), 0 to itself: (k, t, n, s, d, d)."""
+        """S with one mode per tone (t,) coupled to each other by a stiffness (t, n, s), 0 to itself: (k, t, n, s, d, d)."""
         at = np.arange(len(mode))
         rows = coupled_rows(np.asarray(self.lossy * change), self.own, self.modal, mode, self._between(mode))
         beside = [np.broadcast_to(self.beside[:, at, mode][:, :, None], self.beside.shape), self.beside]
@@ -180,13 +180,13 @@ class Forms:
         return np.asarray(self.squares[:, :, None, None] + crossed + _adjoint(crossed) + within)
 
     def _between(self, mode: IntArray) -> ComplexArray:
-        """f_ij of one mode a tone and each, (t, n)."""
+        """f_ij of one mode per frequency and each, (t, n)."""
         at = np.arange(len(mode))
         crossed = np.einsum("to,jo->tj", self.charged[at, self.places[mode]], self.gains)
         return np.asarray(self.flexible * ((mode[:, None] == np.arange(len(self.places))) - crossed))
 
     def _pairs(self, mode: IntArray) -> ComplexArray:
-        """y_i^H G y_j of one mode a tone and each, (k, t, n, 2, 2)."""
+        """y_i^H G y_j of one mode per frequency and each, (k, t, n, 2, 2)."""
         at, columns, gains = np.arange(len(mode)), self.places[mode], self.gains[mode]
         flat = self.grams[:, columns[:, None], self.places]
         flat = flat - np.einsum("kto,jo->ktj", self._moved[:, at, columns], self.gains)
@@ -249,7 +249,7 @@ def softened_rows(step: ComplexArray, own: ComplexArray, modal: ComplexArray) ->
 def coupled_rows(
     step: ComplexArray, own: ComplexArray, modal: ComplexArray, mode: IntArray, between: ComplexArray
 ) -> ComplexArray:
-    """The same on one mode a tone (t,) and on each other, (t, n, s, 2, d), coupled by steps; between: f_ij of both, (t, n)."""
+    """Forces on one mode per tone (t,) and each other, (t, n, s, 2, d), coupled by steps; between: f_ij of both, (t, n)."""
     at, step = np.arange(len(mode)), step[..., None]
     here, there = own[at, mode][:, None, None, None], own[..., None, None]
     first, second = modal[at, mode][:, None, None], modal[:, :, None]

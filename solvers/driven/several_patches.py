@@ -1,4 +1,4 @@
-"""What several patches of one plate do together: zones driven in turn, the flow of power, the table that shaping works on."""
+"""Several patches on one plate: zones driven in turn, the flow of power, and the modal table for shaping."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FLIPS = list(product((1.0, -1.0), repeat=2))  # of a panel in x, y >= 0 onto its
 # -- zones -------------------------------------------------------------------------------------------------------------
 # Several zones of one plate: the motion of every zone while one of them is driven.
 # Integrals of u_z^2 over one zone couple symmetry classes: in the quarter's points the motion at an image is the sum
-# of the classes, each with the signs of its mirrors, and a zone takes from every image what of it lies in the zone.
+# of the classes, each with the signs of its mirrors, and a zone takes from every image the part in the zone.
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Zones:
         return not bool(np.isnan(self.grams[-1]).any())
 
     def peak_hz(self, volts: FloatArray, zone: int) -> float:
-        """Where the zone moves most within the band, Hz."""
+        """Frequency of the zone's largest motion within the band, Hz."""
         forced = self.forced
         return peak_hz(
             lambda tones: self.rms(volts, tones)[:, zone], resonances_hz(forced), forced.band_hz, forced.loss
@@ -119,7 +119,7 @@ def zone_volts(forced: ForcedPlate, centres_m: FloatArray) -> FloatArray:
 
 
 def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray, known: Doubts | None) -> FloatArray:
-    """Half-widths of the error bars of every zone's rms while each is driven.
+    """Error bars (half-widths) of every zone's rms while each is driven.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray,
     frequency_hz : ndarray, shape (n,)
         Frequencies in Hz.
     known : Doubts or None
-        What the plate's resonances and loads may be off by.
+        Uncertainties of the plate's resonances and loads.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray,
 
 
 def peak_half_widths(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, known: Doubts | None) -> dict[str, Any]:
-    """Half-widths of the error bars of what one driven zone shows at its peak, by the names of its figures.
+    """Error bars (half-widths) of one driven zone's figures at its peak, by name.
 
     `rms_error_m_per_V` and `level_error_db` (zones,), `passive_error_db` and `mac_error`; NaN without an estimate.
     """
@@ -169,18 +169,18 @@ def peak_half_widths(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, k
 
 
 # -- power flow --------------------------------------------------------------------------------------------------------
-# Where the patches' power goes along a driven plate: what flows through a section x, and what is lost on the way.
+# Path of the patches' power along a driven plate: the flow through a section x, and the losses on the way.
 # Power in = Re(V* I)/2 patch by patch with I = j omega (theta' u + C V). Only the modes are damped, in proportion to
 # their strain: a panel loses omega/(2 Q) u' K u of their motion u, a patch on it likewise. Modes extrapolated from
 # two meshes of the patches store L = diag(eigenvalues), not the U' K U of the finer mesh: u = U S q with S' (U' K U)
-# S = L, so that what is lost everywhere is what the modes lose, omega/(2 Q) q' L q. The flow through a section is
-# what comes in left of it less what is lost there: it ends at 0 beyond the last patch.
+# S = L, so that the total loss is that of the modes, omega/(2 Q) q' L q. The flow through a section is
+# the input to the left of it less the losses there: it ends at 0 beyond the last patch.
 
 
 @dataclass(frozen=True)
 class PowerFlow:
-    """Means over a period, W: what each patch gives (patches,), negative where it takes; the flow towards +x (n,) through the
-    sections x_m (n,) that no patch straddles; what the plate and its patches lose.
+    """Means over a period, W: power from each patch (patches,), negative if it absorbs; the flow towards +x (n,) through the
+    sections x_m (n,) that no patch straddles; losses of the plate and its patches.
     """
 
     patches_w: FloatArray
@@ -287,12 +287,12 @@ def plate_table(
     forced: ForcedPlate, points_m: FloatArray, frequency_hz: float, rows: list[FloatArray] | None = None
 ) -> ModalTable:
     """The modes about the band over points (p, 2) of the touch face, in SI: actuators are the drivers, in the order of
-    `forced.drivers`, sensors those that listen, V. Residuals are those at the frequency.
+    `forced.drivers`, sensors in V. Residuals are those at the frequency.
 
     rows: `motion_at` of the points, where it is known. SolverError for drivers that are fed a charge, or without sensors.
     """
     if forced.circuit != "short" or not forced.sensors:
-        raise SolverError("shaping needs drivers that a voltage feeds and at least one patch that listens")
+        raise SolverError("shaping needs voltage-driven actuators and at least one sensor patch")
     plate, d, s = forced.plate, forced.drivers, forced.sensors
     scale, unit = plate.scale, plate.stiffness_unit
     eigenvalue = scale.eigenvalue(frequency_hz)

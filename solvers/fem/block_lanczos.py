@@ -13,10 +13,10 @@ import numpy as np
 from geometry.elements import FloatArray
 
 BLOCK = 8
-SLICE, MAX_SLICE = 120, 300  # eigenpairs a shift at most, where the whole basis is not kept and where it is
-MAX_COUNT = 6.0  # vectors of the basis over pairs asked for: beyond, restarts are the better way
+SLICE, MAX_SLICE = 120, 300  # eigenpairs per shift at most, if the whole basis is not kept and if it is
+MAX_COUNT = 6.0  # vectors of the basis per requested pair: beyond, restarts are better
 TOLERANCE = 1e-11  # residual over the inverse's eigenvalue; the errors of eigenvalues go with its square
-WIDE = 15  # degrees of freedom a pair at least: below, the basis would be most of the space
+WIDE = 15  # degrees of freedom per pair at least: below, the basis would be most of the space
 MASSLESS = 1e-14  # v'Mv over the largest seen: v'v is 1 for each, and such a direction moves no mass
 BYTES = 512e6  # of a basis that is still kept whole
 EVERY = 2  # blocks between looks at the residuals
@@ -30,8 +30,10 @@ def fits(size: int, count: int) -> bool:
 
 
 def slice_of(size: int) -> int:
-    """Eigenpairs of `size` degrees of freedom that one shift is asked for at most: as many as a basis kept whole holds, each
-    further shift being three factorisations, as long as orthogonalisation is the smaller part.
+    """Largest number of eigenpairs to compute from one shift, for `size` degrees of freedom.
+
+    As many as a basis kept whole holds, since each further shift costs three factorisations, as long as
+    orthogonalisation is the smaller part.
     """
     fitting = min((BYTES / (16.0 * size) - 24 * BLOCK) / MAX_COUNT, size / WIDE)
     return int(min(max(fitting / 1.1 - 4, SLICE), MAX_SLICE))
@@ -112,9 +114,9 @@ class _Basis:
         return np.asarray(part)
 
     def append(self, block: FloatArray) -> FloatArray:
-        """Orthonormalise a stripped block and take it in where there is room; what it is in the new vectors, (m, k)."""
+        """Orthonormalise a stripped block and append it if there is room; its coefficients in the new vectors, (m, k)."""
         block, coupling = np.linalg.qr(block)
-        self.strip(block)  # what rounding left of the basis is no longer small beside a block of unit length
+        self.strip(block)  # the rounded rest of the basis is no longer small relative to a block of unit length
         weighted = self.mass(block)
         gram = block.T @ weighted
         square, turn = np.linalg.eigh((gram + gram.T) / 2.0)

@@ -33,7 +33,7 @@ class Fill:
         return Fill(self.entries + other.entries, self.operations + other.operations, max(self.front, other.front))
 
     def times(self, count: int) -> Fill:
-        """The same for `count` bodies."""
+        """Fill of `count` bodies."""
         return Fill(count * self.entries, count * self.operations, self.front)
 
 
@@ -44,13 +44,13 @@ def eliminated(inside: float, around: float) -> Fill:
 
 
 def grid_fill(elements: tuple[int, ...], dofs: Dofs, ends: tuple[Ends, ...] | None = None) -> Fill:
-    """The fill of a grid of elements (any number of axes); `ends` tells which end planes are the grid's own (all).
+    """The fill of a grid of elements (any number of axes); `ends`: which end planes are the grid's own (all).
 
     `dofs(lines, gaps)` counts those of a box from its planes of nodes and from its elements, one number an axis.
     """
 
     def own(elements: tuple[int, ...], ends: tuple[Ends, ...], plane: int | None = None) -> float:
-        """Of a box, or of the one plane of nodes that cuts it across an axis."""
+        """Fill of a box, or of the single plane of nodes that cuts it across an axis."""
         lines = [count - 1 + low + high for count, (low, high) in zip(elements, ends, strict=True)]
         gaps = list(elements)
         if plane is not None:
@@ -86,7 +86,7 @@ def nodal(order: int, a_node: int = 3) -> Dofs:
 
 
 def panelled(vertex: int, side: int, inner: float) -> Dofs:
-    """Degrees of freedom of reduced panels in a plane: so many a vertex line, a side, and within each."""
+    """Degrees of freedom of reduced panels in a plane, from their numbers per vertex line, per side and within each panel."""
 
     def dofs(lines: list[int], gaps: list[int]) -> float:
         corners, sides = lines[0] * lines[1], lines[0] * gaps[1] + lines[1] * gaps[0]
@@ -100,21 +100,21 @@ def _put(values: tuple[T, ...], axis: int, value: T) -> tuple[T, ...]:
 
 
 # -- solves ------------------------------------------------------------------------------------------------------------
-# What a modal solve takes, told before anything is assembled: bytes of its stages, and operations.
+# Cost of a modal solve, estimated before anything is assembled: bytes of its stages, and operations.
 # Bytes follow from the arrays that `assembly`, `solid` and `eigen` hold at once, counted in entries; those of a
 # factorisation from the fill above with measured factors (`studies/benchmarks/foresight.py`).
 
 LARGE = 200_000  # degrees of freedom beyond which whole solids hold no second copy of their matrices
 ENTRY = 12  # bytes of a sparse matrix's entry: a number and a column
-STIFFNESS, MASS = 9 * ENTRY, 3 * ENTRY  # a pair of nodes, of K and of M with three components
+STIFFNESS, MASS = 9 * ENTRY, 3 * ENTRY  # per pair of nodes, of K and of M with three components
 # bytes of an entry of the dissected factor: at the peak of the factorisation, and afterwards
 FACTOR = {"rslab": (30.0, 15.0), "superlu": (75.0, 60.0)}
-ANALYSIS, COPY = 60, 30  # bytes of an entry of the matrix: the analysis, what of it stays beside the factor
-VECTORS = 8  # copies of the modes' vectors while they are proven
-DENSE_GAIN = 2.0  # how much faster than vectors' a front's operations run
-FACTORISATIONS = 4  # of one band: both ends, the shift, one more where it is halved
+ANALYSIS, COPY = 60, 30  # bytes per entry of the matrix: the analysis, and the part that stays next to the factor
+VECTORS = 8  # copies of the modes' vectors while they are verified
+DENSE_GAIN = 2.0  # speed of a front's operations relative to those on vectors
+FACTORISATIONS = 4  # factorisations of one band: both ends, the shift, one more if it is halved
 SOLVES = 3.0  # a mode
-BASIS = 2.5  # vectors of the basis a pair, when Lanczos has converged
+BASIS = 2.5  # vectors of the basis per pair, when Lanczos has converged
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def assembly(mesh: MeshCounts) -> Cost:
 
 
 def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost:
-    """`times` factorisations of a matrix with so many entries, one kept at a time."""
+    """Cost of `times` factorisations of a matrix with this number of entries, one kept at a time."""
     peak, _ = FACTOR[factorisations()[0]]
     stages = (
         Stage("analysing the factorisation", ANALYSIS * entries),
@@ -185,7 +185,7 @@ def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost
 
 
 def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: bool = False) -> Cost:
-    """Eigenpairs of a pencil of so many entries; `near`: all in one go, not by slices of a band."""
+    """Cost of eigenpairs of a pencil with this number of entries; `near`: all at once, not by slices of a band."""
     kept = FACTOR[factorisations()[0]][1] * fill.entries + COPY * entries
     most = slice_of(max(round(dofs), 1))
     at_once = modes if near else min(modes, most)
@@ -206,10 +206,10 @@ def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: boo
 
 
 def solid_modes(mesh: MeshCounts, classes: int, modes: float, near: bool = False) -> Cost:
-    """Modes of a meshed body: `classes` symmetry classes one after another, so many modes each."""
+    """Cost of the modes of a meshed body: `classes` symmetry classes one after another, `count` modes each."""
     large = mesh.dofs > LARGE
     mesh_and_matrices = mesh.mesh_bytes + (STIFFNESS * (1 if large else 2) + MASS + ENTRY) * mesh.pairs
-    restricted = Stage("taking the free degrees of freedom", mesh.mesh_bytes + (3 * STIFFNESS + ENTRY) * mesh.pairs)
+    restricted = Stage("selecting the free degrees of freedom", mesh.mesh_bytes + (3 * STIFFNESS + ENTRY) * mesh.pairs)
     solve = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, modes, near)
     whole = assembly(mesh).then(Cost((restricted,)))
     shifted = STIFFNESS * mesh.pairs

@@ -22,23 +22,24 @@ from solvers.fem.factor import Factor, Factoriser
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
 ORTHONORMAL = 1e-8
-CLEAN = RESIDUAL / 100.0  # above it a solve was disturbed: rounding leaves 1e-16, the stop rule of Lanczos 1e-13
+# above it a solve was disturbed: rounding leaves 1e-16, the stop rule of Lanczos 1e-13
+CLEAN_RESIDUAL = RESIDUAL / 100.0
 PASSES = 3  # over the pairs that are not clean
 # shares of the pencil's norm ratio tried as the floor above rigid-body modes
 RIGID = tuple(10.0**-n for n in range(9, 16))
-LOST = 0.02  # relative error of a frequency by rounding above which it is refused
-SLIGHT = 1e-8  # of a frequency: rounding that needs no closer look
+MAX_ROUND_OFF = 0.02  # relative error of a frequency by rounding above which it is rejected
+SLIGHT = 1e-8  # of a frequency: rounding too small to be examined
 EPSILON = float(np.finfo(float).eps)
-# eigenpairs of a slice that cost less from the factor at its end, beside as many beyond it, than another factor
+# eigenpairs of a slice that, with as many beyond it, cost less from the factor at its end than from another factor
 FEW = 6
-# Relative moves of a shift at which a factorisation is refused: a count belongs to its frequency, a search may stand aside.
+# Relative moves of a shift if a factorisation is rejected: a count belongs to its frequency, a search may stand aside.
 COUNTED = (0.0, 3e-7, 1.8e-6, 8.1e-6, 3.2e-5, 1.2e-4)
 SEARCHED = (0.0, 1e-5, 1e-3, 1e-2)
 
 
 @dataclass(frozen=True)
 class PlainPencil:
-    """What a solve needs of K and M: symmetric sparse matrices, their units, and how many rigid-body modes to expect."""
+    """Interface of a pencil: symmetric sparse K and M, their units, and the number of rigid-body modes."""
 
     stiffness: sp.csc_array
     mass: sp.csc_array
@@ -68,7 +69,7 @@ class Count:
 
 @dataclass
 class Shared:
-    """What solves of one pencil share: the symbolic analysis, the counts made so far, a factor of K where there is one.
+    """Shared state of the solves of one pencil: the symbolic analysis, the counts so far, a factor of K if there is one.
 
     near: a factor of K - s M and its s, where one is kept for what follows.
     """
@@ -118,9 +119,33 @@ def modes_in_band(
     high_hz: float,
     backend: str | Shared | None = None,
 ) -> Modes:
-    """Every elastic mode with low <= f <= high. Raises CountMismatch when the count does not close.
+    """Compute every elastic mode in a frequency band.
 
-    `backend` names a factorisation or holds what earlier solves of the pencil found; its factor of K serves a band from 0.
+    Parameters
+    ----------
+    pencil : PlainPencil
+        Stiffness and mass, both (dof, dof), with their units.
+    low_hz, high_hz : float
+        Ends of the band in Hz, inclusive.
+    backend : str or Shared, optional
+        Name of a factorisation, or the counts and factors that earlier solves of this pencil share; its factor of K serves a
+        band from 0.
+
+    Returns
+    -------
+    Modes
+        Ascending frequencies (k,) in Hz, M-orthonormal vectors (dof, k), residuals (k,) and the inertia count.
+
+    Raises
+    ------
+    CountMismatch
+        If the number of modes found differs from Sylvester's inertia count of the band.
+    SolverError
+        If a residual, the orthonormality or the round-off exceeds its limit.
+
+    References
+    ----------
+    .. [1] parlett1998 (docs/references.bib)
     """
     solver = _Solver(pencil, backend)
     scale = pencil.scale
@@ -128,11 +153,35 @@ def modes_in_band(
     low = low if low > RIGID[0] * solver.norm_ratio else max(low, solver.rigid_limit)
     below_low = solver.count_below(low) if low > 0.0 else 0
     values, vectors = solver.between(low, high, below_low, solver.count_below(high))
-    return solver.proven(values, vectors, low, high, below_low)
+    return solver.verified(values, vectors, low, high, below_low)
 
 
 def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | Shared | None = None) -> Modes:
-    """The `count` elastic modes nearest to a frequency, clusters at the rim of the interval kept whole."""
+    """Compute the elastic modes nearest to a frequency, with whole clusters at the ends of their interval.
+
+    Parameters
+    ----------
+    pencil : PlainPencil
+        Stiffness and mass, both (dof, dof), with their units.
+    near_hz : float
+        The frequency in Hz.
+    count : int
+        Number of modes; a cluster at an end may add some.
+    backend : str or Shared, optional
+        As in `modes_in_band`.
+
+    Returns
+    -------
+    Modes
+        As in `modes_in_band`.
+
+    Raises
+    ------
+    CountMismatch
+        If no gap ends a cluster, or the inertia count disagrees.
+    SolverError
+        If a check of the modes fails.
+    """
     solver = _Solver(pencil, backend)
     target = pencil.scale.eigenvalue(near_hz)
     count = min(count, pencil.dof - pencil.rigid_count)
@@ -142,13 +191,13 @@ def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | S
         floor = solver.floor_among(values) if values.min(initial=np.inf) <= RIGID[0] * solver.norm_ratio else 0.0
         elastic = values > floor
         if not pencil.rigid_count and not elastic.all():
-            raise SolverError("an eigenvalue below zero: rounding hides the lowest modes of so slender a body")
+            raise SolverError("an eigenvalue below zero: the body is so slender that rounding hides its lowest modes")
         kept, low, high = _closed_interval(values[elastic], target, count, pencil, floor)
         if kept is not None or requested >= pencil.dof:
             break
         requested += max(4, count // 4)
     if kept is None:
-        raise CountMismatch(f"no gap ends the cluster of modes near {near_hz:.1f} Hz; ask for a band instead")
+        raise CountMismatch(f"no gap ends the cluster of modes near {near_hz:.1f} Hz; request a band instead")
     below = solver.count_below(low) if low > 0.0 else 0
     values, vectors = values[elastic][kept], vectors[:, elastic][:, kept]
     if solver.count_below(high) - below != len(values):
@@ -158,14 +207,14 @@ def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | S
             values, vectors, (low, high) = values[kept], vectors[:, kept], ends
             below = solver.count_below(low) if low > 0.0 else 0
     if len(values) < count:
-        raise CountMismatch(f"{len(values)} of {count} modes near {near_hz:.6g} Hz stand up to the count by inertia")
-    return solver.proven(values, vectors, low, high, below)
+        raise CountMismatch(f"only {len(values)} of {count} modes near {near_hz:.6g} Hz agree with the inertia count")
+    return solver.verified(values, vectors, low, high, below)
 
 
 def factor_near(
     pencil: PlainPencil, shift: float, factorise: Callable[[sp.csc_array], Factor], least: float = 0.0
 ) -> tuple[Factor, float]:
-    """Factor of K - s M, and s: the shift, or the nearest of a few beside it that the factorisation can vouch for.
+    """Factor of K - s M, and s: the shift, or the nearest of a few next to it at which the factorisation is reliable.
 
     `least` is the first step away from a shift of 0. Raises SingularShift.
     """
@@ -179,7 +228,7 @@ def _factors_near(
     least: float,
     moves: tuple[float, ...],
 ) -> Iterator[tuple[Factor, float]]:
-    """Factors of K - s M, and s, for each move of the shift that can be vouched for. Raises SingularShift where none can."""
+    """Factors of K - s M, and s, for each move of the shift with a reliable factorisation. Raises SingularShift without one."""
     refused, made = None, False
     for attempt, move in enumerate(moves):
         moved = shift * (1.0 + move) if shift else attempt * least
@@ -195,9 +244,9 @@ def _factors_near(
 
 
 def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tuple[FloatArray, FloatArray]:
-    """The `count` lowest eigenvalues, rigid ones included, each `multiplicity` times over, closed by a count above them, and
-    their M-orthonormal vectors (dof, count multiplicity). Raises CountMismatch.
+    """The `count` lowest eigenvalues, including rigid ones, each `multiplicity` times, and M-orthonormal vectors.
 
+    vectors (dof, count multiplicity); an inertia count above them proves completeness. Raises CountMismatch.
     The shift lies below zero, where K - sigma M is positive definite.
     """
     solver = _Solver(pencil, None)
@@ -210,16 +259,16 @@ def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tupl
     gap = _first_gap(values, size)
     residual = solver.residual(values[:gap], vectors[:, :gap]).max()
     if residual > RESIDUAL:
-        raise SolverError(f"residual {residual:.1e} (allowed {RESIDUAL:.0e}): refine the mesh or ask for fewer bands")
+        raise SolverError(f"residual {residual:.1e} (limit {RESIDUAL:.0e}): refine the mesh or request fewer bands")
     edge = 0.5 * (values[gap - 1] + values[gap])
     expected = solver.count_below(edge)
     if expected != gap:
-        raise CountMismatch(f"{gap} eigenvalues found below {edge:.6g}, the inertia counts {expected}")
+        raise CountMismatch(f"{gap} eigenvalues found below {edge:.6g}, but the inertia count is {expected}")
     return np.asarray(values[:size]), np.asarray(vectors[:, :size])
 
 
 def lowest_hz(pencil: PlainPencil, static: Factor) -> float:
-    """The lowest frequency of a body without rigid-body motion, Hz, from a factor of K; less what Lanczos may be off by."""
+    """The lowest frequency of a body without rigid-body motion, Hz, from a factor of K, less the error bound of Lanczos."""
     values, _ = _Solver(pencil, None).lanczos(static.solve, 0.0, 1) if pencil.dof > 2 else (np.array([np.inf]), None)
     return float(pencil.scale.frequency(values)[0]) * (1.0 - 1e-6)
 
@@ -231,11 +280,11 @@ def count_below(pencil: PlainPencil, frequency_hz: float, factorise: Factoriser 
 
 
 def _first_gap(values: FloatArray, size: int) -> int:
-    """How many of the values, at least `size`, end in a gap."""
+    """Number of the values, at least `size`, that end in a gap."""
     for end in range(size, len(values)):
         if values[end] - values[end - 1] > 1e-6 * values[end]:
             return end
-    raise CountMismatch("no gap ends the cluster above the bands asked for; ask for more bands")
+    raise CountMismatch("no gap ends the cluster above the requested bands; request more bands")
 
 
 def _closed_interval(
@@ -285,12 +334,12 @@ class _Solver:
             if counts[-1] == self.pencil.rigid_count:
                 return share * self.norm_ratio
         raise SolverError(
-            f"{counts[0]} eigenvalues lie where {self.pencil.rigid_count} rigid-body modes are expected: the lowest modes are "
-            "too soft to be told from rounding; the body is too slender for one solid mesh, or its parts do not hang together"
+            f"{counts[0]} eigenvalues were found instead of {self.pencil.rigid_count} rigid-body modes: rounding hides the "
+            "lowest modes, because the body is too slender for one solid mesh or its parts are not connected"
         )
 
     def floor_among(self, values: FloatArray) -> float:
-        """The same floor from eigenvalues at hand: one count proves the gap above the rigid ones, else as rigid_limit."""
+        """Floor as `rigid_limit`, from known eigenvalues: one count proves the gap above the rigid ones."""
         count = self.pencil.rigid_count
         if 0 < count < len(values) and values[count] > 1e3 * abs(values[count - 1]):
             between = float(np.sqrt(max(abs(values[count - 1]), RIGID[-1] * self.norm_ratio) * values[count]))
@@ -329,7 +378,7 @@ class _Solver:
         # near 0 Hz the shift lies between rigid and elastic modes: anything relative to the norms may lie far beyond both
         for factor, shift in self.factors(target if target > 0.0 else self.rigid_limit, SEARCHED):
             values, vectors = self.lanczos(factor.solve, shift, count)
-            if (self.residual(values, vectors) <= CLEAN).any():
+            if (self.residual(values, vectors) <= CLEAN_RESIDUAL).any():
                 break
         return values, vectors
 
@@ -348,7 +397,7 @@ class _Solver:
         """
         values, vectors = self._krylov(solve, shift, count)
         for _ in range(PASSES):
-            clean = self.residual(values, vectors) <= CLEAN
+            clean = self.residual(values, vectors) <= CLEAN_RESIDUAL
             if clean.all() or not clean.any():
                 break
             kept = vectors[:, clean]
@@ -367,7 +416,7 @@ class _Solver:
         return deflated
 
     def images(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """K x and M x, (dof, k) each; of the vectors asked for last they are kept, for many columns cost what a solve does."""
+        """K x and M x, (dof, k) each; kept for the last vectors, since for many columns they cost as much as a solve."""
         if self._images is None or self._images[0] is not vectors:
             self._images = vectors, np.asarray(self.pencil.stiffness @ vectors), self.pencil.apply_mass(vectors)
         return self._images[1:]
@@ -379,7 +428,7 @@ class _Solver:
         return self._images[0]
 
     def residual(self, values: FloatArray, vectors: FloatArray) -> FloatArray:
-        """||K x - l M x|| / (||K|| ||x||) a pair, shape (k,)."""
+        """Residuals ||K x - l M x|| / (||K|| ||x||), one per pair, shape (k,)."""
         if not len(values):
             return np.empty(0)
         stiff, heavy = self.images(vectors)
@@ -403,24 +452,24 @@ class _Solver:
             )
         except ArpackNoConvergence as fault:
             raise SolverError(
-                f"Lanczos found {len(fault.eigenvalues)} of {count} modes; ask for fewer, or a band"
+                f"Lanczos found {len(fault.eigenvalues)} of {count} modes; request fewer modes, or a band"
             ) from fault
         return self._quotients(vectors)
 
     def _quotients(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rayleigh quotients x'Kx / x'Mx and vectors, ascending: what a solve loses enters squared (parlett1998, chapter 4)."""
+        """Rayleigh quotients x'Kx / x'Mx and vectors, ascending: a solve's error enters squared (parlett1998, chapter 4)."""
         stiff, heavy = (np.einsum("ik,ik->k", vectors, image) for image in self.images(vectors))
         order = np.argsort(stiff / heavy, kind="stable")
         return (stiff / heavy)[order], self._taken(vectors, order)
 
     def between(self, low: float, high: float, below_low: int, below_high: int) -> tuple[FloatArray, FloatArray]:
-        """Every eigenpair in [low, high], by as many shifts as the number of pairs asks for."""
+        """Every eigenpair in [low, high], by as many shifts as the number of pairs needs."""
         expected = below_high - below_low
         if expected <= 0:
             return np.empty(0), np.empty((self.pencil.dof, 0))
         if expected > slice_of(self.pencil.dof):
             return self._halves(low, high, below_low, below_high)
-        # half-way in lambda: the pairs nearest to the shift are then those of the band, not of what lies below it
+        # half-way in lambda: the pairs nearest to the shift are then those of the band, not those below it
         shifts = self.factors(0.5 * (low + high), SEARCHED)
         if self.shared.static is not None and below_low == 0:
             shifts = chain([(self.shared.static, 0.0)], shifts)
@@ -444,7 +493,7 @@ class _Solver:
             return None
         factor, shift = self._at_end
         values, vectors = self._inside(factor.solve, shift, low, high, 2 * expected + 4)
-        clean = len(values) == expected and (self.residual(values, vectors) <= CLEAN).all()
+        clean = len(values) == expected and (self.residual(values, vectors) <= CLEAN_RESIDUAL).all()
         return (values, vectors) if clean else None
 
     def _inside(
@@ -467,7 +516,7 @@ class _Solver:
         vectors: FloatArray,
         expected: int,
     ) -> tuple[FloatArray, FloatArray]:
-        """Second pass: the same solve with what was found projected out, so that lost members of clusters appear."""
+        """Second pass: solve again with the modes found projected out, so that lost members of clusters appear."""
         more, missing = self._inside(self._without(factor.solve, vectors), shift, low, high, expected - len(values) + 6)
         fresh = np.linalg.norm(vectors.T @ self.pencil.apply_mass(missing), axis=0) < 0.5
         return _ascending(np.append(values, more[fresh]), np.hstack([vectors, missing[:, fresh]]))
@@ -489,11 +538,11 @@ class _Solver:
     def _mismatch(self, low: float, high: float, expected: int, computed: int) -> str:
         ends = self.pencil.scale.frequency(np.array([low, high]))
         return (
-            f"{computed} modes found between {ends[0]:.1f} and {ends[1]:.1f} Hz where the inertia counts {expected}; "
-            "move the ends of the band away from a mode or ask for a narrower band"
+            f"{computed} modes found between {ends[0]:.1f} and {ends[1]:.1f} Hz, but the inertia count is {expected}; "
+            "move the ends of the band away from a mode or request a narrower band"
         )
 
-    def proven(self, values: FloatArray, vectors: FloatArray, low: float, high: float, below_low: int) -> Modes:
+    def verified(self, values: FloatArray, vectors: FloatArray, low: float, high: float, below_low: int) -> Modes:
         """Normalise, check residuals and orthonormality, and attach the count."""
         scale = self.pencil.scale
         residual, heavy = self.residual(values, vectors), self.images(vectors)[1]
@@ -515,7 +564,7 @@ class _Solver:
         return Modes(frequency, vectors, residual, rounding, count, self.pencil.rigid_count, self.factorisations)
 
     def _rounding(self, values: FloatArray, vectors: FloatArray) -> FloatArray:
-        """eps |x|'|K||x| / (2 lambda) a mode (a change of K by its own rounding, to first order). SolverError if too large.
+        """Relative round-off of each mode, eps |x|'|K||x| / (2 lambda), to first order. Raises SolverError if too large.
 
         2 |x_i x_j| <= x_i^2 + x_j^2 bounds it by the columns' sums alone, which stand for it where they are small enough.
         """
@@ -526,10 +575,10 @@ class _Solver:
         if bound.max() <= SLIGHT:
             return np.asarray(bound)
         rounding = share * np.einsum("ik,ik->k", size, abs(self.pencil.stiffness) @ size)
-        if rounding.max() > LOST:
+        if rounding.max() > MAX_ROUND_OFF:
             raise SolverError(
-                f"rounding alone changes a frequency by {100.0 * rounding.max():.2g} % (allowed {100.0 * LOST:.0f} %): "
-                "the body is too slender or its materials are too unlike for one solid mesh; use plate or beam theory"
+                f"rounding alone changes a frequency by {100.0 * rounding.max():.2g} % (limit {100.0 * MAX_ROUND_OFF:.0f} %): "
+                "the body is too slender, or its materials differ too much, for a single solid mesh; use plate or beam theory"
             )
         return np.asarray(rounding)
 

@@ -1,6 +1,6 @@
 """Factorisations with inertia.
 
-scipy's SuperLU is always there; rslab is taken when it is installed.
+scipy's SuperLU is always available; rslab is used if it is installed.
 """
 
 from __future__ import annotations
@@ -26,37 +26,40 @@ from geometry.elements import FloatArray, IntArray
 from solvers import machine
 from solvers.errors import SingularShift, SolverError, TooLarge
 from solvers.machine import foresee, room_bytes, workers
-from solvers.threads import Item, Result, go_on, one_thread, threads
-from solvers.threads import side_by_side as in_threads
+from solvers.threads import Item, Result, one_thread, raise_if_cancelled, threads
+from solvers.threads import parallel_map as in_threads
 
 BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
 
 DENSE = 3000  # degrees of freedom up to which even a full triangle is small: SuperLU orders by itself
-WORTH = 0.5  # classes of alike degrees of freedom are ordered instead of degrees of freedom when they are this few
-SOLVE_BYTES = 26  # measured peak a factor entry: 8 in L, 12 in U, and the buffers that grow
+WORTH = 0.5  # classes of equivalent degrees of freedom are ordered instead, if their number is at most this fraction
+SOLVE_BYTES = 26  # measured peak per factor entry: 8 in L, 12 in U, and the buffers that grow
 INERTIA_BYTES = 24  # scipy copies L and U to show U's diagonal
-REORDERED_BYTES = 16  # an entry of the matrix, reordered
-MATRIX_BYTES = 12  # an entry of the matrix, kept for refinement
+REORDERED_BYTES = 16  # per entry of the matrix, reordered
+MATRIX_BYTES = 12  # per entry of the matrix, kept for refinement
 INDEX_LIMIT = 2**31 - 1  # SuperLU counts in 32 bits: first 30 times the matrix's entries, then half as many again
 FIRST_GUESS, GROWTH = 30, 1.5
 SYMMETRIC = {"SymmetricMode": True}
-EPSILON = float(np.finfo(float).eps)  # normwise backward error at which a solution cannot be bettered
+EPSILON = float(np.finfo(float).eps)  # normwise backward error at which a solution cannot be improved
 
-# Backward error of a substitution that lost nothing. Refined, it would win nothing and no longer be one linear map: beside an
+# Backward error of a substitution that lost nothing. Refined, it would gain nothing and no longer be one linear map: near an
 # eigenvalue the rounding of each sweep, another one each time, is what Lanczos would find.
 LOSSLESS = 4.0 * EPSILON
 
-REFINED = 1e-14  # backward error at which refinement may end: EPSILON times what a sum of some thousand products leaves
-SWEEPS = 8  # of refinement at most: at CONTRACTION a sweep they would win eight digits
-CONTRACTION = 0.1  # of the defect by one sweep at most: below a half it proves the inertia, below this it serves
+# backward error at which refinement may end: EPSILON times the rounding of a sum of some thousand products
+REFINED = 1e-14
+SWEEPS = 8  # of refinement at most: at CONTRACTION per sweep they would gain eight digits
+# largest factor on the defect per sweep: below a half it proves the inertia, below this it is accepted
+CONTRACTION = 0.1
 PROBES = 3  # sweeps that measure the contraction: a power iteration from a random vector
 
 Thing = TypeVar("Thing")
 Other = TypeVar("Other")
-_idle: deque[Keeper] = deque()
-FILLED = 10.0  # factor over matrix, bytes: beyond, the body is no plate, and nested dissection may fill less than minimum fill
-ANALYSIS_BYTES = 60  # measured peak of the analysis an entry of the matrix
-COPY_BYTES = 30  # what of it is still in memory, an entry, while the factor is made; rslab's own plan leaves it out
+_free_owners: deque[OwnerThread] = deque()
+# factor over matrix, bytes: beyond, it is not a plate, and nested dissection may fill less than minimum fill
+FILLED = 10.0
+ANALYSIS_BYTES = 60  # measured peak of the analysis per entry of the matrix
+COPY_BYTES = 30  # bytes of it still in memory, per entry, while the factor is made; rslab's own plan leaves it out
 
 # How long rslab's allocator keeps free pages for the next factor, ms; it reads this when rslab is first imported.
 os.environ.setdefault("MIMALLOC_PURGE_DELAY", "1000")
@@ -86,7 +89,7 @@ class SuperLU:
             except RuntimeError as fault:
                 raise SingularShift(f"the shifted matrix is singular ({fault})") from fault
             except MemoryError as fault:
-                raise TooLarge(f"factorising {dofs} degrees of freedom took more memory than there is") from fault
+                raise TooLarge(f"factorising {dofs} degrees of freedom exceeded the available memory") from fault
         if not np.array_equal(factors.perm_r, factors.perm_c):
             raise SingularShift("SuperLU left the diagonal while pivoting, so that the inertia cannot be read")
         return factors
@@ -120,7 +123,7 @@ class SuperLU:
         if max(FIRST_GUESS * stored, GROWTH * self.symbolic.entries) > INDEX_LIMIT:
             raise TooLarge(
                 f"{dofs} degrees of freedom with {stored:.2g} entries, {self.symbolic.entries:.2g} in the factor, are more "
-                "than SuperLU can count: install rslab, or ask for a coarser mesh, a lower order, or model = superelement"
+                "than SuperLU can count: install rslab, or use a coarser mesh, a lower order, or model = superelement"
             )
         factorise = SOLVE_BYTES * self.symbolic.entries + REORDERED_BYTES * stored
         count = (SOLVE_BYTES + INERTIA_BYTES) * self.symbolic.entries
@@ -181,9 +184,9 @@ class SuperLU:
 
 
 class Rslab:
-    """L D L' with the inertia of D's blocks of one and two; a symbolic analysis of another pattern is made anew."""
+    """L D L' with the inertia of D's blocks of one and two; another pattern is analysed again."""
 
-    def __init__(self, matrix: sp.csc_array, symbolic: Kept[Any] | None = None) -> None:
+    def __init__(self, matrix: sp.csc_array, symbolic: ThreadBound[Any] | None = None) -> None:
         try:
             self.symbolic = symbolic or _analysed(matrix)
             self._factor = self._made(matrix)
@@ -196,7 +199,7 @@ class Rslab:
         if zero:
             raise SingularShift(f"the shifted matrix has {zero} zero pivot(s)")
 
-    def _made(self, matrix: sp.csc_array) -> Kept[Any]:
+    def _made(self, matrix: sp.csc_array) -> ThreadBound[Any]:
         plan = self.symbolic.use(lambda own: dict(own.memory_plan()))
         self.foreseen_bytes = foresee(plan["peak_bytes"] + COPY_BYTES * matrix.nnz, matrix.shape[0])
         self.memory_bytes = int(plan["factor_bytes"])
@@ -235,13 +238,13 @@ class Factoriser:
         self.backend = backend or os.environ.get("ANTINODE_FACTOR") or machine.factorisations()[0]
         if self.backend not in machine.factorisations():
             raise SolverError(
-                f"factorisation '{self.backend}' is not installed; there is {', '.join(machine.factorisations())}"
+                f"factorisation '{self.backend}' is not installed; use {', '.join(machine.factorisations())}"
             )
         self._symbolic: Any = None  # of the pattern seen last
 
     def __call__(self, matrix: sp.csc_array) -> Factor:
         """Factor of a symmetric matrix. Raises SingularShift when it is singular to working precision, TooLarge."""
-        go_on()
+        raise_if_cancelled()
         factor = (Rslab if self.backend == "rslab" else SuperLU)(matrix, self._symbolic)
         self._symbolic = factor.symbolic
         _probe(matrix, factor)
@@ -260,33 +263,33 @@ class Ordering:
     pattern: bytes
 
 
-class Alone:
-    """The asking thread itself, where the process may use no other: handing over would cost and protect nothing."""
+class CallingThread:
+    """The calling thread itself, for a process limited to one thread."""
 
     def run(self, call: Callable[[], Other]) -> Other:
-        """The call's result or exception."""
+        """Return the call's result, or raise its exception."""
         return call()
 
-    def later(self, call: Callable[[], Any]) -> None:
-        """Do the call now."""
+    def submit(self, call: Callable[[], Any]) -> None:
+        """Run the call now."""
         call()
 
 
-class Keeper:
-    """A thread that does one call after another and lives as long as the process."""
+class OwnerThread:
+    """A thread that runs one call after another and lives as long as the process."""
 
     def __init__(self) -> None:
         self._calls: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
-        threading.Thread(target=self._serve, name="antinode-keeper", daemon=True).start()
+        threading.Thread(target=self._serve, name="antinode-owner", daemon=True).start()
         # what finalizers handed over at the end of the process is freed by its own thread
         atexit.register(self.run, lambda: None)
 
     def run(self, call: Callable[[], Other]) -> Other:
-        """The call's result or exception, neither of which may hold anything of the library."""
-        return self.later(call).result()
+        """Return the call's result or raise its exception; neither may hold objects of the library."""
+        return self.submit(call).result()
 
-    def later(self, call: Callable[[], Other]) -> Future[Other]:
-        """Do the call when those before it are done; a finalizer may ask this at any moment."""
+    def submit(self, call: Callable[[], Other]) -> Future[Other]:
+        """Queue the call; a finalizer may do so at any moment."""
         answer: Future[Other] = Future()
         self._calls.put((call, answer))
         return answer
@@ -296,46 +299,46 @@ class Keeper:
             _answered(*self._calls.get())
 
 
-class Kept(Generic[Thing]):
-    """A handle to what `make` gives; the thing itself never leaves its keeper, which frees it when the handle goes."""
+class ThreadBound(Generic[Thing]):
+    """Handle to an object made and used in its owner thread only, which frees it when the handle is deleted."""
 
-    def __init__(self, make: Callable[[], Thing], keeper: Alone | Keeper | None = None) -> None:
+    def __init__(self, make: Callable[[], Thing], owner: CallingThread | OwnerThread | None = None) -> None:
         box: list[Thing] = []
-        self._box, self._keeper = box, keeper or (_ALONE if workers() == 1 else _own.lease.keeper)
-        self._keeper.run(lambda: box.append(make()))
-        finalize(self, self._keeper.later, box.clear)
+        self._box, self._owner = box, owner or (_CALLING_THREAD if workers() == 1 else _own.lease.owner)
+        self._owner.run(lambda: box.append(make()))
+        finalize(self, self._owner.submit, box.clear)
 
     def use(self, function: Callable[[Thing], Other]) -> Other:
-        """What the function tells of the thing."""
+        """Call the function on the object in its owner thread and return the result."""
         box = self._box
-        return self._keeper.run(lambda: function(box[0]))
+        return self._owner.run(lambda: function(box[0]))
 
-    def make(self, function: Callable[[Thing], Other]) -> Kept[Other]:
-        """What the function makes of the thing, kept beside it."""
+    def make(self, function: Callable[[Thing], Other]) -> ThreadBound[Other]:
+        """Make another object from this one, in the same owner thread."""
         box = self._box
-        return Kept(lambda: function(box[0]), self._keeper)
+        return ThreadBound(lambda: function(box[0]), self._owner)
 
     def free(self) -> None:
-        """Free the thing now; it cannot be used afterwards."""
-        self._keeper.run(self._box.clear)
+        """Free the object now; it cannot be used afterwards."""
+        self._owner.run(self._box.clear)
 
 
-_ALONE = Alone()
+_CALLING_THREAD = CallingThread()
 
 
 class _Lease:
-    """A keeper as long as its thread lives; then another thread may have it."""
+    """Owner thread of a calling thread; free for another one when that thread ends."""
 
     def __init__(self) -> None:
         try:
-            self.keeper = _idle.pop()
+            self.owner = _free_owners.pop()
         except IndexError:
-            self.keeper = Keeper()
-        finalize(self, _idle.append, self.keeper).atexit = False
+            self.owner = OwnerThread()
+        finalize(self, _free_owners.append, self.owner).atexit = False
 
 
 class _Own(threading.local):
-    """The keeper of each thread that asks for one."""
+    """Owner thread of each calling thread."""
 
     def __init__(self) -> None:
         self.lease = _Lease()
@@ -344,7 +347,7 @@ class _Own(threading.local):
 def _answered(call: Callable[[], Any], answer: Future[Any]) -> None:
     try:
         result = call()
-    except BaseException as fault:  # its traceback would take the library's objects to the caller's thread
+    except BaseException as fault:  # its traceback would carry the library's objects to the caller's thread
         fault.__context__ = None
         answer.set_exception(fault.with_traceback(None))
     else:
@@ -354,8 +357,8 @@ def _answered(call: Callable[[], Any], answer: Future[Any]) -> None:
 _own = _Own()
 
 
-def side_by_side(function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0) -> list[Result]:
-    """The function of every item, each of which factorises: in threads, as memory holds."""
+def parallel_map(function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0) -> list[Result]:
+    """Call the function on every item in threads, as memory allows; each call factorises."""
     return in_threads(function, items, bytes_each, room_bytes())
 
 
@@ -544,11 +547,11 @@ def _reordered(matrix: sp.csc_array, order: IntArray) -> sp.csc_array:
     return moved
 
 
-def _analysed(matrix: sp.csc_array) -> Kept[Any]:
+def _analysed(matrix: sp.csc_array) -> ThreadBound[Any]:
     """Ordered by minimum fill; by nested dissection, which takes three times as long, where that fills too much."""
     foresee(ANALYSIS_BYTES * matrix.nnz, matrix.shape[0])
-    at_once = threads()  # the asking thread's, not the keeper's
-    return Kept(lambda: _best(matrix, at_once))
+    at_once = threads()  # of the calling thread, not of the owner
+    return ThreadBound(lambda: _best(matrix, at_once))
 
 
 def _best(matrix: sp.csc_array, at_once: int) -> Any:

@@ -1,4 +1,4 @@
-"""How much of a load one mode that was not computed may have, from a few solves.
+"""Upper bound of the part of a load that any single missing mode may have, from a few solves.
 
 A load p has strengths s_r = (phi_r'p)^2. With t = 1 / (lambda - shift) and every q(t) = c + t r(t) that is 1 at a mode's own t,
 that mode's strength is at most sum s q^2 over all modes that are not known, whose sum of s is given. r has the orthonormal
@@ -15,7 +15,7 @@ from geometry.elements import FloatArray
 from solvers.fem.block_lanczos import Operator
 from solvers.fem.eigen import PlainPencil, Shared, factor_near
 
-SOLVES = 6  # more of them say no more: they only find modes across the thickness, which no sum of strengths covers
+SOLVES = 6  # more do not help: they only find modes across the thickness, which no sum of strengths covers
 SPARE = 1e-6  # of the missing strength, added: few modes have a singular Gram matrix
 ENDED = 1e-10  # of a vector left: every mode that the load moves is in the basis
 
@@ -40,7 +40,7 @@ def largest_outside(
     Returns
     -------
     float
-        What the strengths leave where it says no more.
+        The rest of the strengths if the bound is no tighter.
     """
     missing = max(0.0, 1.0 - float(np.square(vectors.T @ load).sum()))
     kept = shared.near if shared.near and reach[0] < shared.near[1] < reach[1] else None

@@ -1,4 +1,4 @@
-"""A meshed body, held by clamps and mirrors: its pencil and modes by symmetry class, and what is measured on them."""
+"""A meshed body, held by clamps and mirrors: its pencil, its modes by symmetry class, and their measures."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def _surviving(nodes: FloatArray, free: BoolArray) -> int:
 
 
 # -- bodies ------------------------------------------------------------------------------------------------------------
-# A body meshed whole or as its quarter: modes of each symmetry class, and what is measured on them.
+# A body meshed whole or as its quarter: modes of each symmetry class, and their measures.
 
 CLASSES = ("SS", "SA", "AS", "AA")
 
@@ -172,7 +172,7 @@ class SolidModel:
         """K and M of one symmetry class."""
         pencil = constrain(self.system, self._free(symmetry))
         if self.mesh.dof > LARGE and self.scale:
-            del self.system  # assembled anew for the next class: both stiffnesses at once are a quarter of the peak
+            del self.system  # assembled again for the next class: both stiffnesses at once are a quarter of the peak
             pencil = replace(pencil, system=replace(pencil.system, stiffness=sp.csr_array(pencil.stiffness.shape)))
         return pencil
 

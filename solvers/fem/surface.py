@@ -17,7 +17,7 @@ from geometry.mesh import AnyMesh, Mesh
 COUNT = 6  # points each way: of a rectangle where u_z has degree 5, and its square 10
 EDGE = 1e-9  # of half a rectangle's depth: a line so near to its edge runs along it
 STEEP = 0.03  # least slope along the height over the greatest slope: below it the facet is quartered
-DEEPEST = 8  # quarterings: what is left then is 4^-8 of a facet, whose points are sorted as they lie
+DEEPEST = 8  # quarterings: the rest is then 4^-8 of a facet, whose points are sorted as they lie
 NEAR = 1e-9  # of the facet's extent across the lines: a line so near to a straight edge runs along it
 BULGE = 0.02  # of the same: how far a curved facet may reach beyond the places where it is sampled
 STRAIGHT = 1e-12  # relative deviation from an affine map
@@ -29,7 +29,7 @@ Shape = Callable[[FloatArray], tuple[FloatArray, FloatArray]]  # points (q, 2): 
 # Dunavant's rule of degree 4 on the unit triangle, from its two orbits (dunavant1985)
 _TRIANGLE = ((0.44594849091596489, 0.22338158967801147), (0.09157621350977073, 0.10995174365532187))
 
-BENT = 1e-3  # of an edge's length: how far its nodes lie off the chord
+BENT = 1e-3  # of an edge's length: deviation of its nodes from the chord
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Piece:
 
     @property
     def turned(self) -> Piece:
-        """The same piece with s and t exchanged."""
+        """Return the piece with s and t exchanged."""
         return replace(self, first=self.second, second=self.first)
 
     def at(self, s: FloatArray, t: FloatArray) -> FloatArray:
@@ -231,7 +231,7 @@ def parted(
 
 
 def is_straight(corners: FloatArray, reference: FloatArray) -> BoolArray:
-    """Which facets, nodes (f, k, 3) at reference places (k, 2), are affine images of the reference facet, (f,)."""
+    """Mask of the facets, nodes (f, k, 3) at reference places (k, 2), that are affine images of the reference facet, (f,)."""
     basis = np.column_stack([np.ones(len(reference)), reference])
     off = np.eye(len(reference)) - basis @ np.linalg.pinv(basis)
     deviation = np.abs(np.einsum("ak,fkj->faj", off, corners)).max(axis=(1, 2))
@@ -239,7 +239,7 @@ def is_straight(corners: FloatArray, reference: FloatArray) -> BoolArray:
 
 
 def may_be_cut(y_m: FloatArray, straight: BoolArray, lines_m: Sequence[float]) -> BoolArray:
-    """Which facets a line may cross, (f,), by y of their nodes, (f, k), and whether they are straight, (f,)."""
+    """Mask of the facets that a line may cross, (f,), from y of their nodes, (f, k), and whether they are straight, (f,)."""
     low, high = y_m.min(axis=1), y_m.max(axis=1)
     margin = np.where(straight, NEAR, -BULGE) * (high - low)
     crossed = np.zeros(len(y_m), dtype=bool)
@@ -256,9 +256,9 @@ def gauss(count: int, low: float = 0.0, high: float = 1.0) -> tuple[FloatArray, 
 
 
 def face_quadrature(mesh: AnyMesh, face: str, lines_m: Sequence[float] = ()) -> FaceQuadrature:
-    """Quadrature over a named face, exact for squared displacements on flat faces; no facet's rule straddles a line y = const
-    of `lines_m`, so that sums over the points on one side of it are integrals over that side.
+    """Quadrature over a named face, exact for squared displacements on flat faces.
 
+    No facet's rule straddles a line y = const of `lines_m`, so that sums over the points on one side are integrals.
     Raises MeshError for a face that the mesh does not have.
     """
     return joined([facet_quadrature(mesh.nodes, facets, mesh.order, lines_m) for facets in mesh.facets_of(face)])
@@ -273,7 +273,7 @@ def joined(parts: list[FaceQuadrature]) -> FaceQuadrature:
 
 
 def facet_quadrature(nodes: FloatArray, faces: IntArray, order: int, lines_m: Sequence[float] = ()) -> FaceQuadrature:
-    """The same over facets (f, k) of one shape on nodes (n, 3) in m."""
+    """Quadrature as in `face_quadrature` over facets (f, k) of one shape on nodes (n, 3) in m."""
     if not len(lines_m):
         return _uncut(nodes, faces, order)
     solid, own = _solid(faces.shape[1], order)
@@ -308,7 +308,7 @@ def skin_faces(mesh: AnyMesh) -> IntArray:
 def _cut_rectangle(
     points: FloatArray, weights: FloatArray, lines_m: Sequence[float]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The same of one rectangle; its rule as it is where no line crosses it."""
+    """Parted rule of one rectangle, unchanged if no line crosses it."""
     s, w = legendre.leggauss(COUNT)
     y = points[:COUNT, 1]
     middle, half = (y[0] + y[-1]) / 2.0, (y[-1] - y[0]) / (s[-1] - s[0])
@@ -346,7 +346,7 @@ def _root(fitted: FloatArray) -> FloatArray:
 
 
 def _roots(fitted: FloatArray, level: float) -> FloatArray:
-    """Where a Chebyshev series on [0, 1] has a value, between the ends."""
+    """Points between the ends at which a Chebyshev series on [0, 1] takes a value."""
     series = fitted.copy()
     series[0] -= level
     size = np.abs(series).max()
@@ -356,7 +356,7 @@ def _roots(fitted: FloatArray, level: float) -> FloatArray:
 
 
 def _uncut(nodes: FloatArray, faces: IntArray, order: int) -> FaceQuadrature:
-    """The same rule on every facet."""
+    """One rule on every facet."""
     if faces.shape[1] in TRIANGLES:
         at, weights = _dunavant()
     else:
@@ -395,7 +395,7 @@ def _cut_rules(
 
 
 def _solid(count: int, order: int) -> tuple[Element, IntArray]:
-    """The element that has a facet of so many nodes at its least z, and which of its nodes these are, in the facet's order."""
+    """The element with a facet of this number of nodes at its least z, and those nodes, in the facet's order."""
     solid = element("tet" if count in TRIANGLES else "hex", order)
     height = solid.points[:, 2]
     return solid, np.flatnonzero(height == height.min())
@@ -441,7 +441,7 @@ def _corners(nodes: FloatArray, facets: IntArray, order: int) -> IntArray:
 
 
 def _bent(edges: FloatArray) -> BoolArray:
-    """Which edges, nodes (..., n, 3) in a row, leave the chord between their ends."""
+    """Mask of the edges, nodes (..., n, 3) in a row, that leave the chord between their ends."""
     start, chord = edges[..., :1, :], edges[..., -1:, :] - edges[..., :1, :]
     length = np.linalg.norm(chord, axis=-1)
     off = np.linalg.norm(np.cross(edges - start, np.broadcast_to(chord, edges.shape)), axis=-1)

@@ -1,1 +1,1 @@
-"""What is measured on a motion: confinement, the target mode, mode mixing, fields compared."""
+"""Measures of a motion: confinement, the target mode, mode mixing, correlation of fields."""

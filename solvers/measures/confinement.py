@@ -1,4 +1,4 @@
-"""Confinement of a motion in dB, of the target mode and of several zones, and how far mixed neighbours may put it off."""
+"""Confinement of a motion in dB, of the target mode and of several zones, and its error due to mixed neighbours."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from solvers.analytic.beams import free_free_mode
 from solvers.errors import SolverError
 from solvers.measures.target_mode import Verdict, verdict
 
-LARGEST_DB = 3000.0  # of a bar: ten to a tenth of more is no number
+LARGEST_DB = 3000.0  # largest error bar: ten to the power of a tenth of more would overflow
 CONFINED_DB = 10.0  # rms on the active face over rms on the passive one
 NEGLIGIBLE = 1e-9  # of the larger part's area: a smaller part is rounding
 BESIDE = (0.75, 1.3)  # of a window's ends: modes within move driven zones
-FINE = 6  # points over a half-power width
+FINE = 6  # points per half-power width
 
 DECIBELS = 20.0 / log(10.0)
 
@@ -69,7 +69,7 @@ class TouchField:
     modal_mass_kg: float = np.nan
 
     def is_active(self, design: Design) -> BoolArray:
-        """Which points lie on the active face, (q,)."""
+        """Mask of the points on the active face, (q,)."""
         return np.asarray(np.abs(self.points[:, 1]) < design.width_m / 2.0)
 
 
@@ -89,7 +89,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class DrivenZones:
-    """Of every zone, driven: its peak in Hz, the rms of every zone and of the passive face over its own in dB, (zones,
+    """Results of every driven zone: its peak in Hz, the rms of every zone and of the passive face over its own in dB, (zones,
     zones + 1), and its motion's MAC with the target shape, (zones,).
     """
 
@@ -134,20 +134,20 @@ class Overlaps:
 
     @classmethod
     def between(cls, faces: Sequence[tuple[Any, Any]]) -> Overlaps:
-        """From weights (q,) and values (q, k) at the points of both parts, the active one first."""
+        """Overlaps from weights (q,) and values (q, k) at the points of both parts, the active one first."""
         active, passive = (np.asarray(values.conj().T @ (weights[:, None] * values)) for weights, values in faces)
         return cls(active, passive)
 
     @classmethod
     def of_extension(cls, touch: TouchField, design: Design) -> Overlaps | None:
-        """The same with the plate beyond the last row in the passive face's place; None without any."""
+        """Overlaps with the plate beyond the last row in place of the passive face; None without any."""
         active, beyond = touch.is_active(design), is_beyond_rows(touch.points[:, 1], design)
         if not touch.weights[beyond].sum() > NEGLIGIBLE * touch.weights[active].sum():
             return None
         return cls.between([(touch.weights[part], touch.values[part]) for part in (active, beyond)])
 
     def mixing_db(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> float:
-        """Bound what neighbours move a mode's confinement by where frequencies may be off by `error`, relative (parlett1998).
+        """Bound the change of a mode's confinement by mixing with neighbours, from relative frequency errors (parlett1998).
 
         A stiffness too high by d >= 0 with d_jj <= 2 error w_j^2 has |d_ij| <= 2 error w_i w_j, and adds to mode i of its
         neighbours c_j = d_ij / (w_i^2 - w_j^2), one at most. Each moves the level by (20 / ln 10) c_j (A_ij/A_ii - P_ij/P_ii)
@@ -177,7 +177,7 @@ class Overlaps:
     def mixing_shape(
         self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = (), share: float = 1.0
     ) -> tuple[float, float]:
-        """Bound what the same neighbours move a mode's MAC and strength by, `share` of each counted.
+        """Bound the change of a mode's MAC and strength by the same neighbours, each counted by `share`.
 
         With c of mode j mixed in, of either sign, the MAC is (q_i + c q_j)^2 / (A_ii + 2 c A_ij + c^2 A_jj) and the strength
         s (q_i + c q_j)^2 / (1 + c^2), with the projections q on the target shape. Parameters as of `mixing_db`.
@@ -208,9 +208,9 @@ def ratio_db(inside: Any, outside: Any) -> FloatArray:
 
 
 def share_error(share: float | None, level_error_db: float | None) -> float | None:
-    """Half-width of the bar of a part's share of the squares from that of its level; None where one is unknown.
+    """Error bar (half-width) of a part's share of the squares, from that of its level; None if one is unknown.
 
-    Of areas given, share / (1 - share) goes with 10^(level/10), so that a level off by e puts the share
+    Of areas given, share / (1 - share) goes with 10^(level/10), so that an error e of the level puts the share
     at share g / (1 - share + share g) with g = 10^(+-e/10): the farther of both counts.
 
     >>> from solvers.measures.confinement import share_error
@@ -265,12 +265,12 @@ def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatAr
 
 
 def is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
-    """Which places lie on the plate beyond the last row."""
+    """Mask of the points on the plate beyond the last row."""
     return np.asarray(np.abs(y_m) > design.half_span_m - design.extension_m)
 
 
 def measure_profile(profile: Profile, design: Design) -> Confinement:
-    """The same of a motion known over y and the target mode there, which may be zero: nothing is alike then."""
+    """Confinement of a motion known over y; a target motion of zero gives a MAC of 0."""
     y, weights = np.abs(profile.y_m), profile.weights
     squares = np.abs(profile.values) ** 2
     active = y < design.width_m / 2.0
@@ -286,8 +286,9 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
 def confined(
     squares: Sequence[FloatArray], areas: Sequence[float], projection: FloatArray, per_mass: float
 ) -> Confinement:
-    """From integrals of |u_z|^2 (k,) over zone, passive face and the plate beyond the last row, their areas, and the squares
-    (k,) of what the zone's motion has of the target shape; per_mass: mass per area over the modal mass.
+    """Confinement from integrals of |u_z|^2 (k,) over zone, passive face and the plate beyond the last row, and their areas.
+
+    projection (k,): square of the zone's motion in the target shape; per_mass: mass per area over the modal mass.
     """
     (inside, passive, beyond), (zone, aside, outer) = squares, areas
     level, further = _level_db(inside, zone, passive, aside), _level_db(inside, zone, beyond, outer)
@@ -297,7 +298,7 @@ def confined(
 
 
 def zone_parts(design: Design, y: FloatArray) -> list[BoolArray]:
-    """Which places lie in each zone, and which in none."""
+    """Masks of the points in each zone, and in none."""
     inside = [np.abs(y - middle) < design.width_m / 2.0 for middle in design.zone_centres_m]
     return [*inside, ~np.logical_or.reduce(inside)]
 
@@ -305,7 +306,7 @@ def zone_parts(design: Design, y: FloatArray) -> list[BoolArray]:
 def peak_hz(
     moved: Callable[[FloatArray], FloatArray], resonances_hz: FloatArray, band_hz: tuple[float, float], loss: float
 ) -> float:
-    """Where something moves most within a band, Hz: at the resonances and the band's ends, then finer about the largest."""
+    """Frequency of the largest motion within a band, Hz: at resonances and the band's ends, then finer about the largest."""
     low, high = band_hz
     tones = np.concatenate([resonances_hz[(resonances_hz >= low) & (resonances_hz <= high)], [low, high]])
     for _ in range(2):
@@ -321,7 +322,7 @@ def drive_zones(
     a_k = phi_k' f / (f_k^2 (1 + i/Q) - f^2), each at its peak within the band. SolverError without modes.
     """
     if not len(frequency_hz):
-        raise SolverError("no mode of the plate lies about the frequency of one of its zones alone")
+        raise SolverError("the plate has no mode around the frequency of its isolated zone")
     parts = [np.where(part, profile.weights, 0.0) for part in zone_parts(design, profile.y_m)]
     adjoint = profile.values.conj().T
     grams = np.array([adjoint @ (part[:, None] * profile.values) / part.sum() for part in parts])

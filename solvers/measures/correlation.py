@@ -20,9 +20,9 @@ from solvers.measures.confinement import NEGLIGIBLE, TouchField, measure, target
 # meshes, rows and pitches compare: MAC_ij = |c_i . d_j|^2 / (|c_i|^2 |d_j|^2) (allemang2003). The assignment
 # maximises the sum of MAC times the geometric mean of the shares inside the zone (Hungarian method, kuhn1955).
 
-ALONG, ACROSS = 8, 6  # degrees: beyond the nodal lines along the zone; across it
+ALONG, ACROSS = 8, 6  # degrees of the polynomials: in addition to the nodal lines along the zone; across it
 KEPT = 0.5  # least MAC of one and the same mode
-RIVAL = 0.8  # of the score: a second mode that comes as near shares the shape; an even mixture of two gives 0.9 to 1
+RIVAL = 0.8  # of the score: a second mode this close shares the shape; an even mixture of two gives 0.9 to 1
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Shapes:
 
 @dataclass(frozen=True)
 class Step:
-    """Where a mode of the first plate went: its row in the second (None when lost), their MAC, and the best rival's."""
+    """Counterpart of a mode of the first plate: its row in the second (None when lost), their MAC, and the best rival's."""
 
     row: int | None
     mac: float
@@ -108,14 +108,14 @@ def follow(plates: Sequence[Shapes], row: int) -> list[Step]:
 # border of the zone counts on both sides, as the end points of a trapezoidal rule do.
 
 Rectangle = tuple[tuple[float, float], tuple[float, float]]  # (low x, low y), (high x, high y)
-INWARD = 1e-7  # of a rectangle's shorter side: points on an edge are moved inside by so much
-REACH = 1.05  # spacings: points speak for a face as far as its edge when they come so near, as those of an even grid do
+INWARD = 1e-7  # of a rectangle's shorter side: distance by which points on an edge are moved inside
+REACH = 1.05  # spacings: points represent a face up to its edge if they are this near, as those of an even grid are
 BOTH = 2  # parts of a complex number
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Which point (index into the map), where it counts (m, 2) in m, and for what area (m,) in m2.
+    """Point (index into the map), the place it counts at (m, 2) in m, and the area it stands for (m,) in m2.
 
     active, passive: shares of the two faces' areas that the points cover; passive is None without such a face.
     """
@@ -173,7 +173,7 @@ def _part(points: FloatArray, box: Rectangle, spacing: FloatArray) -> tuple[IntA
 def _reached(
     points: FloatArray, low: FloatArray, high: FloatArray, spacing: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The rectangle that the points speak for: to the edge where they come near, half a spacing beyond them elsewhere."""
+    """The rectangle that the points represent: up to the edge if they are near, half a spacing beyond them elsewhere."""
     first, last = low.copy(), high.copy()
     for axis in (0, 1):
         nearest, farthest, step = points[:, axis].min(), points[:, axis].max(), spacing[axis]

@@ -21,13 +21,13 @@ from geometry.elements import FloatArray
 # The constants are argued on the 54 plates of studies/grid.toml, whose table lists status, strength and share of
 # each: all plates that hold their mode by 10 dB are single, those whose shape is spread over several modes are split.
 
-SIMILAR = 0.5  # MAC: below it less than half of the zone's motion is the target shape
-CLEAR = 0.8  # MAC from which one mode may carry the shape alone
-LEAD = 1.5  # over the strongest rival: by less, another design or mesh turns the two over
+MIN_MAC = 0.5  # below this MAC less than half of the zone's motion is the target shape
+MIN_MAC_SINGLE = 0.8  # MAC from which one mode may carry the shape alone
+LEAD = 1.5  # over the strongest rival: by less, another design or mesh exchanges the two
 MAJORITY = 0.5  # of all weights in the window: more than all others together
-PAST = 0.2  # of the target frequency on both sides: as far as a window has to reach before it can tell
-RIVAL = 0.25  # of the best weight: others that are named
-NAMED = 3  # rivals at most
+WINDOW_MARGIN = 0.2  # of the target frequency: margin of the window on both sides of it
+RIVAL = 0.25  # of the best weight: others listed as rivals
+MAX_RIVALS = 3  # rivals at most
 
 Status = Literal["single", "split", "none"]
 BoolArray = NDArray[np.bool_]
@@ -50,7 +50,7 @@ NONE = Verdict("none", None)
 
 
 def weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
-    """Strength times zone share, counted by what of a mode looks like the target shape, (k,); a plate without passive face has
+    """Strength times zone share, weighted by the mode's likeness to the target shape, (k,); a plate without passive face has
     all of its motion in the zone, unknown strengths and likenesses count 0.
     """
     share = np.where(np.isfinite(zone_share), zone_share, 1.0)
@@ -83,27 +83,27 @@ def verdict(
     modal_overlap, weights = np.nan_to_num(mac), weight(strength, zone_share, mac)
     everything = np.ones(len(weights), dtype=bool)
     candidate, near = (everything if mask is None else mask for mask in (candidate, near))
-    candidates = np.where(candidate & (modal_overlap >= SIMILAR), weights, 0.0)
+    candidates = np.where(candidate & (modal_overlap >= MIN_MAC), weights, 0.0)
     if not candidates.any():
         return NONE
     best = int(np.argmax(candidates))
     strongest_other = max(np.delete(weights, best).max(initial=0.0), missing)
-    clear = modal_overlap[best] >= CLEAR and weights[best] >= LEAD * strongest_other
+    clear = modal_overlap[best] >= MIN_MAC_SINGLE and weights[best] >= LEAD * strongest_other
     share = float(weights[best] / weights[near | (np.arange(len(weights)) == best)].sum())
     rivals = tuple(
         int(i) for i in np.argsort(-weights, kind="stable") if i != best and weights[i] >= RIVAL * weights[best]
     )
-    return Verdict("single" if clear and share >= MAJORITY else "split", best, rivals[:NAMED], share)
+    return Verdict("single" if clear and share >= MAJORITY else "split", best, rivals[:MAX_RIVALS], share)
 
 
-def reaching(window_hz: tuple[float, float], frequency_hz: float) -> tuple[float, float]:
-    """The window, widened until it reaches past a mode on both sides."""
-    low, high = (1.0 - PAST) * frequency_hz, (1.0 + PAST) * frequency_hz
+def widened_window(window_hz: tuple[float, float], frequency_hz: float) -> tuple[float, float]:
+    """Widen the window until it extends beyond a mode on both sides."""
+    low, high = (1.0 - WINDOW_MARGIN) * frequency_hz, (1.0 + WINDOW_MARGIN) * frequency_hz
     return min(window_hz[0], low), max(window_hz[1], high)
 
 
 # -- search ------------------------------------------------------------------------------------------------------------
-# Search for the target mode of a plate: one path through the frequencies, whatever was asked for and whoever asks.
+# Search for the target mode of a plate: one path through the frequencies for every question.
 # Candidates lie from the window's lower end upwards. The search begins with the window and widens it until it reaches
 # past the mode found on both sides. Over all modes of a symmetry class the strengths sum to 1 at most, and no weight
 # exceeds its strength: 1 less the strengths found bounds the weight of any mode that was not computed. Where that
@@ -111,7 +111,7 @@ def reaching(window_hz: tuple[float, float], frequency_hz: float) -> tuple[float
 # (`solvers.fem.missing_mode`). Where they leave room too, modes down to rest are computed, then higher ones, up to a
 # limit beyond which nothing is single.
 
-STEP = 1.25  # of the upper end: how far the search goes up at once
+STEP = 1.25  # of the upper end: one step of the search upwards
 STEPS = 3  # upwards at most
 ROUNDS = 12  # widenings at most
 
@@ -187,7 +187,7 @@ def search(
     Returns
     -------
     Found
-        The same for every `known`.
+        Independent of `known`.
     """
     ends = reach = window_hz
     steps = 0
@@ -196,7 +196,7 @@ def search(
         found = _judged(_within(known, reach), window_hz[0], ends, reach)
         if found.verdict.index is None:
             break
-        wider = reaching(ends, found.modes[found.verdict.index].frequency_hz)
+        wider = widened_window(ends, found.modes[found.verdict.index].frequency_hz)
         if wider != ends:
             ends, reach = wider, (min(reach[0], wider[0]), max(reach[1], wider[1]))
             continue
@@ -222,7 +222,7 @@ def leaves_room(missing: float, best: float) -> bool:
 
 
 def missing_strength(modes: Sequence[Measured]) -> float:
-    """1 less the strengths of the modes, at least 0: what all others of the class have together."""
+    """1 less the strengths of the modes, at least 0: the sum of all others of the class."""
     return max(0.0, 1.0 - float(np.nansum(measures(modes)[0])))
 
 
@@ -233,7 +233,7 @@ def measures(modes: Sequence[Measured]) -> tuple[FloatArray, FloatArray, FloatAr
 
 
 def weights(modes: Sequence[Measured]) -> FloatArray:
-    """How much of the target shape each mode carries, (k,)."""
+    """Part of the target shape that each mode carries, (k,)."""
     return weight(*measures(modes))
 
 

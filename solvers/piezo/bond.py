@@ -1,4 +1,4 @@
-"""Where something is bonded to an assembled plate: displacements at points of its bare faces, and the panels beneath."""
+"""Bonds on an assembled plate: displacements at points of its bare faces, and the panels beneath."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from geometry.elements import BoolArray, FloatArray, IntArray, gauss_lobatto, lagrange
-from geometry.layout import Pillar, Stand
+from geometry.layout import Pillar, PillarGroup
 from solvers.errors import SolverError
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import SIDES, VERTICES
@@ -25,7 +25,7 @@ SAME_M = 1e-9
 
 @dataclass(frozen=True)
 class Contact:
-    """Where something touches a bare face of the plate: points (p, 2) in m on its back (z = thickness) or its touch face, and
+    """Contact with a bare face of the plate: points (p, 2) in m on its back (z = thickness) or its touch face, and
     the means (b, p) of u at them that it feels.
     """
 
@@ -44,7 +44,7 @@ def displacement_at(plate: AssembledPlate, contact: Contact) -> sp.csr_array:
 
 
 def displacement_on(plate: AssembledPlate, panels: Sequence[PanelContact], count: int) -> sp.csr_array:
-    """The same where the panels that a contact of b means (count) lies on are known, of this or another class of the plate."""
+    """Rows as in `displacement_at`, for a contact of b means (count) on known panels of this or another class."""
     parts = []
     for panel in panels:
         placed_cell = plate.placed_cells[panel.number]
@@ -59,7 +59,7 @@ def displacement_on(plate: AssembledPlate, panels: Sequence[PanelContact], count
 
 @dataclass(frozen=True)
 class PanelContact:
-    """What of a contact lies on one panel of the whole plate: the number and place of the cell that stands for it, the mirrors
+    """Part of a contact on one panel of the whole plate: the number and place of the cell that stands for it, the mirrors
     (2,) that carry it there, and the contact's means of u that feel it (rows, (b,)) from that cell's degrees of freedom,
     (b, 3, dof).
     """
@@ -104,12 +104,14 @@ def mirror_signs(symmetry: str, flip: FloatArray) -> FloatArray:
 def _field(cell: Cell, local_m: FloatArray, means: FloatArray, back: bool) -> FloatArray:
     """Means (b, p) of u at places (p, 2) of a face from the cell's degrees of freedom, (b, 3, dof).
 
-    Raises SolverError where the face carries a pillar or is no tensor grid.
+    Raises SolverError where the face carries a pillar or does not form a tensor grid.
     """
     level, bare = cell.size_m[2] if back else 0.0, cell.bare
     if bare is None or bare.order is None:
         what = "about a round or hexagonal pillar, or of tetrahedra,"
-        raise SolverError(f"the faces of a panel {what} are no tensor grid: nothing can be bonded to it or felt on it")
+        raise SolverError(
+            f"the faces of a panel {what} do not form a tensor grid: nothing can be bonded to it or touch it"
+        )
     on = np.flatnonzero(np.abs(bare.points[:, 2] - level) < SAME_M)
     if not len(on):
         raise SolverError("a patch lies on a panel of plate that carries a pillar: move the patch or the rows")
@@ -121,7 +123,9 @@ def grid_weights(nodes_m: FloatArray, order: int, at_m: FloatArray) -> FloatArra
     """Weights (p, n) of the nodes (n, 2) of a tensor grid of elements at places (p, 2), by the elements' polynomials."""
     (x, i), (y, j) = (_lines(nodes_m[:, axis]) for axis in range(2))
     if len(x) * len(y) != len(nodes_m):
-        raise SolverError("the nodes of a face are no tensor grid: nothing can be told between them")
+        raise SolverError(
+            "the nodes of a face do not form a tensor grid: displacements between them cannot be interpolated"
+        )
     along, across = (_weights(nodes, order, at_m[:, axis]) for axis, nodes in enumerate((x, y)))
     return np.asarray(along[:, i] * across[:, j])
 
@@ -211,14 +215,14 @@ class Panels:
         ]
         return tuple(inner) or SIDES
 
-    def stands(self, pillar: Pillar | None) -> tuple[Stand, ...]:
+    def stands(self, pillar: Pillar | None) -> tuple[PillarGroup, ...]:
         """The pillars on them, from their middle."""
         feet = self.grid.tiling.feet
         carrying = [place for place in self.places if place in feet]
         kinds: dict[Pillar | None, list[tuple[float, float]]] = {}
         for place in carrying:
             kinds.setdefault(self.grid.tiling.panel(*place).pillar or pillar, []).append(feet[place])
-        return tuple(Stand(kind, np.array(centres) - self.middle_m) for kind, centres in kinds.items() if kind)
+        return tuple(PillarGroup(kind, np.array(centres) - self.middle_m) for kind, centres in kinds.items() if kind)
 
     def clamped_dofs(self, i: int, j: int) -> IntArray:
         """Boundary degrees of freedom of panel (i, j), in its own order, on its clamped sides."""
@@ -250,7 +254,7 @@ class JoinedPanels:
 
     @property
     def free(self) -> BoolArray:
-        """Which of the degrees of freedom the clamped sides leave free, (n,)."""
+        """Mask of the degrees of freedom that the clamped sides leave free, (n,)."""
         free = np.ones(self.count, dtype=bool)
         for place, own in self._own.items():
             free[own[self.panels.clamped_dofs(*place)]] = False
@@ -267,7 +271,7 @@ class JoinedPanels:
         return moved
 
     def flexibility(self, contact: Contact, felt: slice = slice(None)) -> FloatArray:
-        """E K^-1 E' of what a contact feels of its 3 b motions, by default of all, with the clamped sides held."""
+        """E K^-1 E' of the 3 b motions of a contact, by default all, with the clamped sides held."""
         free = self.free & (np.diag(self.stiffness) > 0.0)  # functions of free sides carry nothing
         moved = self.motion(contact)[felt][:, free]
         return np.asarray(moved @ cho_solve(cho_factor(self.stiffness[np.ix_(free, free)]), moved.T))
@@ -281,7 +285,7 @@ class JoinedPanels:
 
 
 def positive_part(matrix: FloatArray) -> FloatArray:
-    """Of a symmetric matrix what its eigenvectors with eigenvalues above 0 make."""
+    """Positive part of a symmetric matrix: that of its eigenvalues above 0."""
     values, vectors = eigh((matrix + matrix.T) / 2.0)
     kept = values > 0.0
     return np.asarray((vectors[:, kept] * values[kept]) @ vectors[:, kept].T)
@@ -301,7 +305,7 @@ def _place(grid: Grid, at_m: FloatArray) -> tuple[int, int]:
 
 
 def _turned(grid: Grid, i: int, j: int) -> FloatArray:
-    """From the degrees of freedom of panel (i, j) to those of the one that was reduced, its image or itself, (dof, dof)."""
+    """Map from the degrees of freedom of panel (i, j) to those of the reduced one, its image or itself, (dof, dof)."""
     cell, face = grid.cell(i, j), grid.interface
     turn = np.eye(cell.dof)
     for axis, (own, image) in enumerate(zip((i, j), grid.positive(i, j), strict=True)):

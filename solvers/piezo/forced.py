@@ -1,9 +1,9 @@
 """Forced response of a patched plate by modal superposition with a quasi-static residual.
 
 u(w) = sum_r phi_r phi_r' theta V / (lambda_r (1 + i/Q) - lambda) + [R + (lambda - lambda_0) R1] V, where R is
-(K - lambda_0 M)^-1 theta less the same modes at lambda_0 and R1 = (K - lambda_0 M)^-1 M R: what lies outside the band
-follows by two terms about its middle. Patches that listen are open, Q_s = 0; those that drive hold their voltage (short)
-or their charge (open).
+(K - lambda_0 M)^-1 theta less the same modes at lambda_0 and R1 = (K - lambda_0 M)^-1 M R: the part outside the band
+follows by two terms about its middle. Sensor patches are open, Q_s = 0; actuators hold their voltage (short) or their
+charge (open).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
-from solvers.fem.factor import Factor, Factoriser, side_by_side
+from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import strength_force, target_symmetry
 from solvers.measures.target_mode import NONE, Found, Interval, Verdict, search, verdict
@@ -36,7 +36,7 @@ COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
 class GroupModes:
     """Modes of a group with the loads' projections: columns [modes, R, R1], eigenvalues and gains (modes, patches).
 
-    bond: what the mesh beneath the patches leaves uncertain; None where no coarser mesh shows it. images: K and M times the
+    bond: uncertainty due to the mesh beneath the patches; None without a coarser mesh. images: K and M times the
     modes, (dof, modes) each.
     """
 
@@ -68,7 +68,7 @@ class GroupModes:
 
     @cached_property
     def projected(self) -> tuple[FloatArray, FloatArray]:
-        """K and M in the columns, (c, c) each: modes are orthogonal, so that only what the loads add is multiplied."""
+        """K and M in the columns, (c, c) each: modes are orthogonal, so that only the loads' part is multiplied."""
         own, pencil = len(self.eigenvalue), self.group.pencil
         more = self.columns[:, own:]
         parts = []
@@ -81,7 +81,7 @@ class GroupModes:
         return parts[0], parts[1]
 
     def residual(self, eigenvalue: float | FloatArray) -> FloatArray:
-        """What the modes beyond the band add to the receptance at eigenvalues (...), (..., patches, patches), scaled."""
+        """Part of the modes beyond the band in the receptance at eigenvalues (...), (..., patches, patches), scaled."""
         away = np.asarray(eigenvalue - self.middle)[..., None, None]
         return np.asarray(self.residual_gain[0] + away * self.residual_gain[1])
 
@@ -114,8 +114,9 @@ class Curve:
 
 @dataclass(frozen=True)
 class Drive:
-    """Which patches drive and which listen, by number; the band; every mode's quality factor; what holds those that drive:
-    a voltage (short) or a charge (open). SolverError for what cannot drive.
+    """Actuators and sensor patches by number, the band, and every mode's quality factor.
+
+    circuit: the actuators hold a voltage (short) or a charge (open). Raises SolverError for an invalid drive.
     """
 
     drivers: tuple[int, ...]
@@ -130,18 +131,18 @@ class Drive:
                 f"quality factor {self.quality_factor}, band {self.band_hz} Hz: must be above 0 and ascending"
             )
         if not self.drivers:
-            raise SolverError("no patch drives: at least one must")
+            raise SolverError("no patch is driven: at least one must be")
         if self.circuit not in ("short", "open"):
             raise SolverError(f"circuit {self.circuit!r}: must be short (a voltage drives) or open (a charge does)")
 
 
 class ForcedPlate:
-    """A patched plate driven by some patches, one volt each with the target mode's signs; the others listen.
+    """A patched plate driven by some patches, one volt each with the target mode's signs; the others are sensors.
 
-    bytes_each: what a group's modes are foreseen to take.
+    bytes_each: estimated memory of a group's modes.
     """
 
-    feed: ComplexArray | None = None  # what the drivers get instead of their signs, per volt of drive
+    feed: ComplexArray | None = None  # voltages of the drivers instead of their signs, per volt of drive
 
     def __init__(
         self,
@@ -167,7 +168,7 @@ class ForcedPlate:
         def solved(group: Group) -> GroupModes:
             return group_modes(group, drive.band_hz, margin, self._kept.get(group.symmetries))
 
-        self.modes = side_by_side(solved, plate.groups, bytes_each)
+        self.modes = parallel_map(solved, plate.groups, bytes_each)
 
     @property
     def solved_hz(self) -> Interval:
@@ -197,7 +198,7 @@ class ForcedPlate:
 
     @property
     def verdict(self) -> Verdict:
-        """Which of `target.modes` is the target mode."""
+        """Verdict on which of `target.modes` is the target mode."""
         return self.target.verdict
 
     @property
@@ -225,14 +226,14 @@ class ForcedPlate:
         return in_phase_signs(mode.vector @ mode.group.loads, self.drivers)
 
     def let_go(self) -> None:
-        """Give back matrices and factors, which forms and curves of the modes need no more; they are made again for others."""
+        """Free matrices and factors, which forms and curves no longer need; they are made again if needed."""
         for shared in self._kept.values():
             shared.near, shared.factorise = None, Factoriser()
         for group in self.plate.everything:
             group.let_go()
 
     def driven_by(self, volts: ComplexArray) -> Self:
-        """The same plate, its drivers fed with these voltages (patches,) per volt of drive instead of +-1."""
+        """Return the plate with its drivers fed by these voltages (patches,) per volt of drive instead of +-1."""
         other = copy(self)
         other.feed = volts
         return other
@@ -243,7 +244,7 @@ class ForcedPlate:
         return self._measured(group, modes.frequency_hz, modes.vectors, [None] * len(modes.frequency_hz))
 
     def _extrapolated(self, group: Group, found: Found[PlateMode]) -> Found[PlateMode]:
-        """The same with a target mode beyond the band at the mesh size of 0, as those about it are, its neighbours with it."""
+        """Return the modes with a target mode beyond the band, and its neighbours, extrapolated to mesh size 0."""
         if found.verdict.index is None or found.modes[found.verdict.index].place is not None:
             return found
         beyond = [number for number, mode in enumerate(found.modes) if mode.place is None]
@@ -287,7 +288,7 @@ class ForcedPlate:
 
     @cached_property
     def all_modes(self) -> list[GroupModes]:
-        """Modes of every group of the plate: something beside the patches may move those that the patches do not drive."""
+        """Modes of every group of the plate: contacts may move modes that the patches do not drive."""
         known = {id(basis.group): basis for basis in self.modes}
         groups = self.plate.everything
         return [known.get(id(group)) or group_modes(group, self.band_hz, self.margin) for group in groups]
@@ -316,13 +317,14 @@ class ForcedPlate:
         return None if place is None else sum(one.columns.shape[1] for one in self.modes[: place[0]]) + place[1]
 
     def volts(self, eigenvalue: float) -> ComplexArray:
-        """Voltages of all patches: of those that drive +-1, or what +-1 V on the clamped patch would charge them with when
-        the circuit is open; of those that listen what leaves them without charge.
+        """Voltages of all patches.
+
+        Actuators: +-1 V, or the charge of +-1 V on the clamped patch if the circuit is open. Sensors: the open-circuit voltage.
         """
         return np.asarray(self.volts_over(np.array([eigenvalue]))[0])
 
     def volts_over(self, eigenvalues: FloatArray) -> ComplexArray:
-        """The same at eigenvalues (n,), (n, loads)."""
+        """Voltages at eigenvalues (n,), (n, loads)."""
 
         def charge() -> ComplexArray:
             parts = [basis.receptance(eigenvalues, self.loss) for basis in self.modes]
@@ -331,7 +333,7 @@ class ForcedPlate:
         return np.broadcast_to(self.patch_volts(charge), (len(eigenvalues), len(self.plate.patches)))
 
     def patch_volts(self, charge: Callable[[], ComplexArray]) -> ComplexArray:
-        """The same from theta' u per volt, (..., patches, patches) in C/V, which is asked for only when a circuit is open."""
+        """Voltages from theta' u per volt, (..., patches, patches) in C/V, which is computed only if a circuit is open."""
         capacitance = self.plate.capacitance_f
         volts = np.zeros(len(self.plate.patches), dtype=complex)
         charged = np.zeros(len(self.plate.patches))
@@ -349,7 +351,7 @@ class ForcedPlate:
 
     @cached_property
     def _touched(self) -> list[Touched]:
-        """What every column moves on the touch face, group by group."""
+        """Motion of every column on the touch face, group by group."""
         return [touched(basis.group, basis.columns, self.design) for basis in self.modes]
 
     @cached_property
@@ -378,7 +380,7 @@ class ForcedPlate:
         return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.areas_m2), volts[:, self.sensors])
 
     def motion_by(self, rows: Callable[[Group], Any], frequency_hz: float) -> ComplexArray:
-        """What rows (m, dof) of each group give of the motion at a frequency, per volt of drive, (m,)."""
+        """Apply rows (m, dof) of each group to the motion at a frequency, per volt of drive, (m,)."""
         eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
         volts = self.volts(eigenvalue)
         moved = [

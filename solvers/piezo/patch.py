@@ -1,14 +1,14 @@
-"""A piezo patch as a bonded solid, condensed to its bonded face, and how a plate of reduced panels yields beneath it.
+"""A piezo patch as a bonded solid, condensed to its bonded face, and the static correction of the plate beneath it.
 
 K_E u + N p - theta V = f,  N'u - E p = 0,  Q = theta' u + C V, with theta = int B' e' (grad V) dV for a field V/t across the
-thickness and p the potential beside it, 0 on both electrodes: N = int B' e' grad, E = int grad' eps grad (ieee176, allik1970).
+thickness and p the additional potential, 0 on both electrodes: N = int B' e' grad, E = int grad' eps grad (ieee176, allik1970).
 Bending makes the field uneven and so stiffens a patch about its own middle. The patch's own resonances lie far above, so
-its inner nodes follow statically (guyan1965). What they weigh while a volt swells them adds omega^2 M_i K_ii^-1 theta_i to
+its inner nodes follow statically (guyan1965). Their inertia while a volt expands them adds omega^2 M_i K_ii^-1 theta_i to
 the load.
 
 F = N K^-1 N' - E K_r^-1 E': static displacements per force of the bonded face on a fine mesh of all panels beneath the patch,
 graded towards its edges, less the same of those panels' reduced matrices, both with the border around these panels clamped
-(macneal1971). What the patch does to them beyond that border the reduced plate itself tells.
+(macneal1971). The reduced plate itself gives their motion beyond that border.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ import scipy.sparse.linalg as spla
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import Boxes, bonded_boxes, hex_mesh
 from geometry.hex.scenes import HexSettings, grid_lines
-from geometry.layout import Design, Stand, mirrored_axes
+from geometry.layout import Design, PillarGroup, mirrored_axes
 from geometry.materials import VOIGT, Material, PiezoMaterial
 from geometry.mesh import Mesh
 from geometry.tiling import Tiling, signature
-from solvers.accuracy.mesh import Shares, rim_shares
+from solvers.accuracy.mesh import ErrorFractions, rim_shares
 from solvers.errors import TooLarge
 from solvers.fem.assembly import Forms, System
-from solvers.fem.factor import Factor, Factoriser, side_by_side
+from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.solid import constrain, free_mask
 from solvers.fem.surface import face_quadrature
 from solvers.machine import check_room
@@ -48,11 +48,11 @@ COPIES = 4  # of the nodes' motions and potential inside per bonded one, held at
 SQUARES = 6  # of matrices of the bonded face, held at once
 SAME = 1e-9  # of the thickness: one place
 APART = 1e-6  # of a length: nodes are farther from each other
-OWN = 1e-6  # of a resonance: how finely a patch's own one is found
+OWN = 1e-6  # relative tolerance of a patch's own resonance
 BASIS = 10  # Lanczos vectors of a lowest resonance
 KEPT = ("points", "projection", "stiffness", "mass", "theta", "swell", "capacitance_f", "own_hz")
 CLASSES = ("SS", "SA", "AS", "AA")
-_Own = tuple[PiezoMaterial, float, float, float, bool, HexSettings]  # what tells patches from others, wherever they are
+_Own = tuple[PiezoMaterial, float, float, float, bool, HexSettings]  # key of a patch, wherever it is
 _Matrices = tuple[sp.csr_array, sp.csr_array, FloatArray, float]
 
 WAVE = 3.75  # elements along a half-wavelength of the target shape, at least
@@ -88,27 +88,27 @@ class BondedPatch:
 
 
 class PatchCache(Protocol):
-    """Where patches are kept between runs."""
+    """Store of patches between runs."""
 
     def load(self, key: str) -> dict[str, Any] | None:
-        """Arrays kept under this key, or None."""
+        """Return the arrays stored under this key, or None."""
         ...
 
     def keep(self, key: str, flat: dict[str, Any]) -> None:
-        """Keep arrays."""
+        """Store arrays under a key."""
         ...
 
 
 @dataclass(frozen=True)
 class _Where:
-    """Where a patch may be kept, which is no part of what it is."""
+    """Cache of a patch, which does not belong to its key."""
 
     cache: PatchCache | None = field(default=None, compare=False)
 
 
 @dataclass
-class Beneath:
-    """Flexibility beneath the patches of one plate; places alike are computed once, and none that the cache has."""
+class StaticCorrection:
+    """Static correction beneath the patches of one plate: equal places are computed once, cached ones not at all."""
 
     reductions: Reductions
     cache: Cache[FloatArray] | None = None
@@ -118,29 +118,29 @@ class Beneath:
         """F at the nodes of a patch's bonded face, (3 b, 3 b), in the plate's scale. Raises SolverError for a panel that
         carries a pillar there.
         """
-        return self._lacking(plate, _Place.of(plate, patch, self.reductions, back))
+        return self._missing_flexibility(plate, _Place.of(plate, patch, self.reductions, back))
 
-    def shares(self, patch: BondedPatch) -> Shares:
-        """What of the mesh's error beneath a patch the mesh without its innermost layer tells."""
+    def shares(self, patch: BondedPatch) -> ErrorFractions:
+        """Error fractions beneath a patch for the mesh without its innermost layer."""
         ceramic = patch.material
         alike = Material.isotropic(ceramic.name, 1.0 / ceramic.s11, ceramic.density_kg_m3, -ceramic.s12 / ceramic.s11)
         shares = rim_shares(self.reductions.stack.material, alike, patch.mesh)
-        return replace(shares, spread=shares.spread + ROUGH * shares.taken)
+        return replace(shares, uncertainty=shares.uncertainty + ROUGH * shares.correction)
 
     def prepare(self, plate: AssembledPlate, patches: Iterable[BondedPatch], back: bool) -> None:
-        """Compute what `flexibility` will ask for, distinct places side by side."""
+        """Compute what `flexibility` will need, distinct places in parallel."""
         places = {place.key: place for place in (_Place.of(plate, each, self.reductions, back) for each in patches)}
-        side_by_side(lambda place: self._lacking(plate, place), places.values())
+        parallel_map(lambda place: self._missing_flexibility(plate, place), places.values())
 
-    def _lacking(self, plate: AssembledPlate, place: _Place) -> FloatArray:
-        """What the reduced panels lack of the fine mesh's flexibility; the positive part of it is kept."""
+    def _missing_flexibility(self, plate: AssembledPlate, place: _Place) -> FloatArray:
+        """Flexibility of the fine mesh that the reduced panels lack, its positive part."""
         if place.key not in self._known:
             name = ("lacking", *self.made_of(place.panels))
             self._known[place.key] = self.kept(name, place.key, lambda: self._more(plate, place))
         return self._known[place.key]
 
     def made_of(self, panels: Panels) -> tuple[object, ...]:
-        """What reduced panels depend on, beside their place."""
+        """Key of reduced panels, in addition to their place."""
         own, tiling = self.reductions, panels.grid.tiling
         signatures = [signature(tiling.panel(*each)) for each in panels.places]
         return type(own).__name__, own.reduction, own.mesher_name, signatures
@@ -174,7 +174,7 @@ class Beneath:
         return np.asarray((given + np.transpose(given)) / 2.0)
 
     def _static_class(self, place: _Place, system: System, marks: Mapping[int, str]) -> FloatArray:
-        """The same of the fields of one class, S or A about each axis; loads that mirror each other are solved for once."""
+        """N K^-1 N' of the fields of one class, S or A about each axis; mirrored loads are solved once."""
         mesh = system.mesh
         planes = {("x-", "y-")[axis]: mark for axis, mark in marks.items()}
         pencil = constrain(system, free_mask(mesh, set(place.panels.clamped) - set(planes), planes))
@@ -185,7 +185,7 @@ class Beneath:
         except TooLarge as fault:
             size = " x ".join(f"{1e3 * each:g}" for each in np.diff(place.box_m)[::2])
             pillars = sum(len(each.centres) for each in place.stands)
-            raise TooLarge(f"a patch of {size} mm over {pillars} pillars: {fault}; take shorter patches") from fault
+            raise TooLarge(f"a patch of {size} mm over {pillars} pillars: {fault}; use shorter patches") from fault
         parts = np.array_split(np.arange(loads.shape[1]), -(-loads.shape[1] // COLUMNS))
         given = np.hstack([loads.T @ factor.solve(loads[:, part].toarray()) for part in parts])
         return np.asarray(turned @ (turned @ given).T) / 2.0 ** len(marks)
@@ -196,14 +196,14 @@ class _Place:
     """A patch on the panels beneath it, with their pillars."""
 
     panels: Panels
-    stands: tuple[Stand, ...]
+    stands: tuple[PillarGroup, ...]
     patch: BondedPatch
     back: bool
     thickness_m: float
 
     @classmethod
     def of(cls, plate: AssembledPlate, patch: BondedPatch, reductions: Reductions, back: bool) -> _Place:
-        """Where a patch is bonded to a plate of such panels."""
+        """Place of a patch on a plate of such panels."""
         panels = Panels.beneath(plate.grid, patch.box_m, reductions.stack.thickness_m)
         return cls(panels, panels.stands(reductions.pillar), patch, back, reductions.stack.thickness_m)
 
@@ -224,20 +224,20 @@ class _Place:
 
     @cached_property
     def fine_mesh(self) -> Mesh:
-        """Panels and pillars about their middle, graded towards the patch's edges; of a mirrored place what lies beyond 0."""
+        """Panels and pillars about their middle, graded towards the patch's edges; of a mirrored place the part beyond 0."""
         return hex_mesh(self._boxes(self.mirrors), self.patch.mesh.order)
 
     def _boxes(self, mirrors: tuple[int, ...]) -> Boxes:
         span, axes = self.panels.span_m.copy(), list(mirrors)
         span.reshape(2, 2)[axes, 0] = 0.0
         stands = tuple(
-            Stand(each.pillar, each.centres[(each.centres[:, axes] > -each.pillar.footprint_m / 2.0).all(axis=1)])
+            PillarGroup(each.pillar, each.centres[(each.centres[:, axes] > -each.pillar.footprint_m / 2.0).all(axis=1)])
             for each in self.stands
         )
         return bonded_boxes(span, self.thickness_m, stands, self.box_m, self.back, self.patch.mesh)
 
     def distinct(self, symmetry: str) -> tuple[sp.csr_array, sp.csr_array]:
-        """What makes the motion of all nodes of the bonded face, (3 b, 3 a), of that of those which are no other's image, in
+        """Map to the motion of all nodes of the bonded face, (3 b, 3 a), of that of those which are no other's image, in
         fields of one class; and that one as means of u at the fine mesh's nodes, (3 a, 3 n).
         """
         mesh, project, points = self.fine_mesh, self.patch.projection, self.patch.points - self.panels.middle_m
@@ -260,7 +260,7 @@ class _Place:
         return places_m * flips, flips
 
     def _images(self, nodes_m: FloatArray, symmetry: str) -> tuple[IntArray, sp.csr_array]:
-        """Which nodes (b, 2) are no other's image, (a,), and the motion of all of them by theirs, (3 b, 3 a)."""
+        """Distinct nodes (b, 2) up to mirror images, (a,), and the map from their motion to that of all, (3 b, 3 a)."""
         folded, flips = self._folded(nodes_m)
         places = np.round(folded / SAME_M) + 0.0  # no zero below zero
         _, own, which = np.unique(places, axis=0, return_index=True, return_inverse=True)
@@ -277,7 +277,7 @@ class _Place:
 
     @cached_property
     def key(self) -> str:
-        """Alike for places alike."""
+        """Key, the same for equal places."""
         place = [np.round(each, 9).tolist() for each in (self.panels.span_m, self.box_m)]
         feet = [(each.pillar, each.centres.round(9).tolist()) for each in self.stands]
         return repr((place, feet, self.panels.clamped, self.back, self.patch.mesh))
@@ -293,7 +293,7 @@ def bonded_patch(
 ) -> BondedPatch:
     """A patch with footprint box_m = (x0, x1, y0, y1), bonded below (on the plate's back) or above (on its touch face).
 
-    Meshed by MESH where nothing else is given; computed where neither this process nor the cache has one alike.
+    Meshed by MESH unless given; computed unless this process or the cache holds an equal one.
     """
     x0, x1, y0, y1 = (float(end) for end in box_m)
     size = round(x1 - x0, 12), round(y1 - y0, 12)
@@ -329,9 +329,7 @@ def with_potential(
 
 
 def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings:
-    """Elements of a patch on the rectangle box_m: as short as the target shape asks for, over pillars as their feet and the
-    plate between them do.
-    """
+    """Elements of a patch on the rectangle box_m, as short as the target shape and the pillars beneath require."""
     size = design.line_spacing_m / WAVE
     if pillars_beneath(tiling, box_m):
         size = min(size, FOOT * min([design.thickness_m, *(pillar.footprint_m for pillar in design.kinds)]))
@@ -381,9 +379,9 @@ def _alike(
 def _condensed(
     matrices: _Matrices, fields: sp.csr_array, own: IntArray, bond: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
-    """What fields (dof, m) of one symmetry class have of stiffness, mass, theta, swell, capacitance and lowest resonance.
+    """Stiffness, mass, theta, swell, capacitance and lowest resonance over fields (dof, m) of one symmetry class.
 
-    The matrices' images of the fields are fields of the class: their rows `own`, one a field, hold them.
+    The matrices' images of the fields are fields of the class: their rows `own`, one per field, hold them.
     """
     scale = sp.diags_array(1.0 / fields[own, np.arange(len(own))])
     stiffness, mass = (sp.csr_array(scale @ (matrix[own] @ fields)) for matrix in matrices[:2])
@@ -431,7 +429,7 @@ def _fields(mesh: Mesh, symmetry: str, size: int) -> tuple[sp.csr_array, IntArra
     where = np.concatenate(rows), np.tile(np.arange(len(rows[0])), len(rows))
     fields = sp.csc_array(sp.coo_array((np.concatenate(values), where), (size, len(rows[0]))))
     length = np.sqrt(np.asarray(fields.multiply(fields).sum(axis=0)))
-    alive = np.flatnonzero(length > 0.5)  # a motion on a mirror line that its class forbids cancels
+    alive = np.flatnonzero(length > 0.5)  # a motion on a mirror line that its class forbids cancels out
     return sp.csr_array(fields[:, alive] @ sp.diags_array(1.0 / length[alive])), rows[0][alive]
 
 
@@ -444,12 +442,12 @@ def _ranks(places: FloatArray) -> IntArray:
 
 
 def _check_room(mesh: Mesh, box_m: FloatArray) -> None:
-    """TooLarge where the dense matrices of the condensation would not fit into memory."""
+    """Raise TooLarge if the dense matrices of the condensation exceed the memory."""
     layers = len(np.unique(np.round(mesh.nodes[:, 2], 12)))
     bond = 3.0 * len(mesh.nodes) / layers
     size = " x ".join(f"{1e3 * each:g}" for each in np.diff(box_m)[::2])
-    what = f"a patch of {size} mm in elements as short as it needs takes"
-    check_room(8.0 * bond**2 * (COPIES * (layers - 1) + SQUARES), what, "take shorter patches")
+    what = f"a patch of {size} mm with its short elements takes"
+    check_room(8.0 * bond**2 * (COPIES * (layers - 1) + SQUARES), what, "use shorter patches")
 
 
 def _lowest_hz(stiffness: sp.csr_array, mass: sp.csr_array, factor: Factor) -> float:

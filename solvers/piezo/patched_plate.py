@@ -1,19 +1,20 @@
 """An assembled plate with bonded patches: classes that these couple are solved together, modes extrapolated.
 
 u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patches E' K_E E, M alike, loads E' theta. Beneath
-each patch the plate yields by F (solvers/piezo/patch.py). Patch and F are meshed twice: both plates are solved, and what
-their modes differ by shows the error of the finer mesh.
+each patch the plate has the additional flexibility F (solvers/piezo/patch.py). Patch and F are meshed twice: both
+plates are solved, and the difference of their modes shows the error of the finer mesh.
 
-At a patch's edges stresses are singular, so the finer mesh leaves a known share t of what the coarser one lacks beside it
-(decision 7). That holds for eigenvalues and gains, in which the plate has yielded to either mesh, and not for stiffness
+At a patch's edges stresses are singular, so the finer mesh leaves a known share t of the coarser one's deficit relative
+to it (decision 7). That holds for eigenvalues and gains, in which the plate has yielded to either mesh, and not for stiffness
 matrices: motions as short as an element meet many times the stiffness on the coarser mesh, the more so the stiffer the
-ceramic is beside its plate, and a share of that taken from K softens the plate by more than there is. Modes of the coarser
-mesh, aligned with those of the finer one (schoenemann1966), have K there; with A and g its matrices in modal coordinates
+ceramic is compared with its plate, and a share of that taken from K softens the plate by more than there is. Modes of
+the coarser mesh, aligned with those of the finer one (schoenemann1966), have K there. With A and g its matrices in modal
+coordinates
 
     Lambda = A - t (A_c - A)+,    gains = g + t (g - g_c).
 
 A mesh nested in another one is no softer: of A_c - A only the positive part + is of the edges. Where the coarser mesh is the
-softer one, something else differs, and what a share of that would change is in the bar.
+softer one, something else differs, and a share of that change enters the error bar.
 """
 
 from __future__ import annotations
@@ -30,14 +31,14 @@ from scipy.linalg import eigh, svd
 
 from geometry.elements import FloatArray
 from geometry.layout import Design, mirrored_axes
-from solvers.accuracy.mesh import Shares, amid
+from solvers.accuracy.mesh import ErrorFractions, amid
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil, factor_near
 from solvers.fem.factor import Factoriser
 from solvers.measures.confinement import TouchField, target_shape, target_symmetry
 from solvers.piezo.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts
-from solvers.piezo.patch import Beneath, BondedPatch, bonded_patch
+from solvers.piezo.patch import BondedPatch, StaticCorrection, bonded_patch
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
 CLASSES = ("SS", "SA", "AS", "AA")
@@ -50,23 +51,23 @@ ALIKE = 0.5  # of a direction among the modes: less of it on the coarser mesh is
 
 @dataclass(frozen=True)
 class CoarserBond:
-    """Classes with the patches on a coarser mesh: K and M once they are asked for, loads (dof, patches) and their part by
+    """Classes with the patches on a coarser mesh: K and M on demand, loads (dof, patches) and their part by
     inertia, and the shares of the change from that mesh to the finer one that is left, and that is uncertain.
     """
 
     join: Callable[[], PlainPencil]
     loads: FloatArray
     inertia: FloatArray
-    shares: Shares
+    shares: ErrorFractions
 
 
 @dataclass(frozen=True)
 class Group:
     """Symmetry classes solved together: the load of one volt on each patch, (dof, patches), scaled, and K and M as `join` makes
-    them, once they are asked for.
+    them, on demand.
 
-    Alike: by_modes, what the modes left out of the panels bring to the loads at rest; inertia, what goes with the eigenvalue,
-    at that one. yielding: energies (k,) of F under the forces of the patches in motions (dof, k); None without patches.
+    Parts of the load: by_modes, due to the panels' discarded modes at rest; inertia, proportional to the eigenvalue, at that
+    one. yielding: energies (k,) of F under the forces of the patches in motions (dof, k); None without patches.
     coarser: the same classes on a coarser mesh of the patches; None where there is none.
     """
 
@@ -86,11 +87,11 @@ class Group:
 
     @cached_property
     def factorise(self) -> Factoriser:
-        """What factorises shifted K of the classes: one symbolic analysis serves all of them."""
+        """Factoriser of shifted K of the classes; one symbolic analysis serves all of them."""
         return Factoriser()
 
     def let_go(self) -> None:
-        """Give back K and M, which are joined again where they are asked for."""
+        """Free K and M, which are joined again on demand."""
         for name in ("pencil", "factorise"):
             vars(self).pop(name, None)
 
@@ -115,8 +116,8 @@ class Group:
 class PatchedPlate:
     """Patches on the bare face of a plate; lengths in m, forces and charges in SI after `unscaled`.
 
-    `plates`: the plate by symmetry class, or the whole one alone under WHOLE. at_hz: at which the loads are told, whose part by
-    the patches' inertia goes with the square of the frequency; at rest without it.
+    `plates`: the plate by symmetry class, or the whole one alone under WHOLE. at_hz: frequency of the loads, whose part due
+    to the patches' inertia goes with the square of the frequency; at rest without it.
     """
 
     def __init__(
@@ -125,7 +126,7 @@ class PatchedPlate:
         patches: Sequence[BondedPatch],
         back: bool,
         name: str = "superelement",
-        beneath: Beneath | None = None,
+        beneath: StaticCorrection | None = None,
         at_hz: float = 0.0,
     ) -> None:
         if not patches:
@@ -149,7 +150,7 @@ class PatchedPlate:
         self._pencils: dict[str, PlainPencil] = {}
         self._matrices = _PatchMatrices(len(classes) > 1)
         self.whole = some
-        # of bonded faces, mesh by mesh, as far as asked for
+        # of bonded faces, mesh by mesh, on demand
         self.motions: dict[str, dict[int, list[sp.csr_array]]] = {}
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
@@ -158,7 +159,7 @@ class PatchedPlate:
         self._panel_contacts.clear()
 
     def _folded(self, patch: BondedPatch, plate: AssembledPlate) -> tuple[str, BondedPatch, FloatArray]:
-        """A patch, or its image where x, y > 0 on a plate that is its own mirror image: what tells it from others, itself, and
+        """A patch, or its image where x, y > 0 on a plate that is its own mirror image: its key, itself, and
         the axes (2,) along which it was turned round, -1.
         """
         ends = patch.box_m.reshape(2, 2)
@@ -183,7 +184,7 @@ class PatchedPlate:
         fine, coarse, by_modes, inertia, coarse_inertia = (np.zeros((dofs, len(self.bonds))) for _ in range(5))
         for number, bond in enumerate(self.bonds):
             if self._cannot_drive(plates, number):
-                continue  # what rounding leaves of its load would be a direction of its own in `variation.samples`
+                continue  # the rounded rest of its load would be a direction of its own in `variation.samples`
             part, motion = bond.finest, self.motion(plates, number)
             fine[:, number] = motion.T @ part.load
             inertia[:, number] = motion.T @ part.inertia
@@ -277,8 +278,9 @@ class PatchedPlate:
 
 
 class _PatchMatrices:
-    """What patches' matrices are in a plate's degrees of freedom: in classes that differ about a mirror line far from a patch
-    its motions are the same but for their sign, and made once.
+    """Patches' matrices in a plate's degrees of freedom.
+
+    In classes that differ about a mirror line far from a patch its motions are equal up to their sign, and made once.
     """
 
     def __init__(self, are_several: bool) -> None:
@@ -324,7 +326,7 @@ class _Part:
     capacitance_f: float
 
     def mirrored(self, flip: FloatArray) -> _Part:
-        """The same at its mirror image: -1 along the axes (2,) that are turned round."""
+        """Return the part at its mirror image: -1 along the axes (2,) that are turned round."""
         turn = np.tile([*flip, 1.0], len(self.load) // 3)
         return replace(
             self,
@@ -340,13 +342,13 @@ class _Part:
 
 @dataclass(frozen=True)
 class _Bond:
-    """A patch by its meshes, the finest first, and the shares of what the coarser one changes."""
+    """A patch by its meshes, the finest first, and the error fractions of the coarser one's change."""
 
     parts: tuple[_Part, ...]
-    shares: Shares | None = None
+    shares: ErrorFractions | None = None
 
     def mirrored(self, flip: FloatArray) -> _Bond:
-        """The same at its mirror image."""
+        """Return the bond at its mirror image."""
         if (flip > 0.0).all():
             return self
         return replace(self, parts=tuple(part.mirrored(flip) for part in self.parts))
@@ -378,8 +380,9 @@ class PressedPlate:
 
 @dataclass(frozen=True)
 class BondErrors:
-    """Half-widths of the bars by the mesh of the bond: of frequencies, relative, (k,); of gains, (k, patches). NaN where a mode
-    has no counterpart on the coarser mesh.
+    """Error bars (half-widths) due to the bond's mesh: of frequencies, relative, (k,); of gains, (k, patches).
+
+    NaN for a mode without a counterpart on the coarser mesh.
     """
 
     frequency: FloatArray
@@ -411,13 +414,13 @@ def gains_at(
     return np.asarray(gain + (growth - 1.0)[:, None] * (vectors.T @ inertia))
 
 
-def joint_shares(shares: Sequence[Shares | None]) -> Shares | None:
-    """Shares that stand for those of several patches, uncertain by how they differ, too; None where one has none."""
+def joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | None:
+    """Mean error fractions of several patches, whose differences add to the uncertainty; None if one has none."""
     known = [each for each in shares if each is not None]
     if not known or len(known) < len(shares):
         return None
-    taken, spread = (np.array([getattr(each, name) for each in known]) for name in ("taken", "spread"))
-    return replace(known[0], taken=float(taken.mean()), spread=float(spread.max() + np.ptp(taken)))
+    correction, spread = (np.array([getattr(each, name) for each in known]) for name in ("correction", "uncertainty"))
+    return replace(known[0], correction=float(correction.mean()), uncertainty=float(spread.max() + np.ptp(correction)))
 
 
 def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
@@ -451,7 +454,7 @@ def extrapolated_modes(group: Group, values: FloatArray, vectors: FloatArray) ->
     if coarser is None or not len(values):
         return ExtrapolatedModes(values, vectors, gain, None, (heavy * values, heavy))
     stiffness, coarse_gain, known = _aligned(group, coarser, (values, heavy), gain)
-    share, spread = coarser.shares.taken, coarser.shares.spread
+    share, spread = coarser.shares.correction, coarser.shares.uncertainty
     stiffer, softer = _signed(stiffness - np.diag(values))
     better, turn = eigh(np.diag(values) - share * stiffer)
     change, against = (np.einsum("ij,ik,kj->j", turn, each, turn) for each in (stiffer + softer, softer))
@@ -466,7 +469,7 @@ def extrapolated_modes(group: Group, values: FloatArray, vectors: FloatArray) ->
 
 
 def _images(folded: Sequence[tuple[str, FloatArray]]) -> list[tuple[int, FloatArray]]:
-    """Of each patch, told apart by its folded self and the axes (2,) it was turned about: the first with the same folded self,
+    """For each patch, identified by its folded self and the axes (2,) it was turned about: the first with the same folded self,
     and the axes that turn the one into the other.
     """
     first: dict[str, int] = {}
@@ -475,9 +478,13 @@ def _images(folded: Sequence[tuple[str, FloatArray]]) -> list[tuple[int, FloatAr
 
 
 def _bonds(
-    patches: Mapping[str, BondedPatch], plate: AssembledPlate, back: bool, eigenvalue: float, beneath: Beneath | None
+    patches: Mapping[str, BondedPatch],
+    plate: AssembledPlate,
+    back: bool,
+    eigenvalue: float,
+    beneath: StaticCorrection | None,
 ) -> dict[str, _Bond]:
-    """Patches on a plate that yields beneath them, on two meshes where they have two; on one without `beneath`."""
+    """Patches with the static correction of the plate beneath, on two meshes if they have two; on one without `beneath`."""
     meshed = {key: _meshes(patch, back, beneath) for key, patch in patches.items()}
     if beneath:
         beneath.prepare(plate, [patch for parts in meshed.values() for patch in parts], back)
@@ -490,19 +497,21 @@ def _bonds(
     }
 
 
-def _meshes(patch: BondedPatch, back: bool, beneath: Beneath | None) -> tuple[BondedPatch, ...]:
+def _meshes(patch: BondedPatch, back: bool, beneath: StaticCorrection | None) -> tuple[BondedPatch, ...]:
     """A patch by its meshes, the finest first."""
     if beneath is None or not patch.mesh.layers:
         return (patch,)
     return patch, bonded_patch(patch.material, patch.box_m, patch.thickness_m, back, patch.mesh.coarser)
 
 
-def _part(patch: BondedPatch, plate: AssembledPlate, back: bool, eigenvalue: float, beneath: Beneath | None) -> _Part:
-    """The patch of one mesh on a plate that also gives way by F, the flexibility that its degrees of freedom q lack.
+def _part(
+    patch: BondedPatch, plate: AssembledPlate, back: bool, eigenvalue: float, beneath: StaticCorrection | None
+) -> _Part:
+    """The patch of one mesh on a plate with the additional flexibility F that its degrees of freedom q lack.
 
     w = E q - F (K_E w - theta V): with T = (I + F K_E)^-1 the plate feels K_E T, T'M_E T, the load T'theta, and the patch holds
-    theta'T F theta V more charge. What moves in and beneath it weighs: l T'(m + M_E F T'theta) more load at an eigenvalue l.
-    What two patches on one panel do to each other by F is left out.
+    theta'T F theta V more charge. What moves in and beneath it has inertia: l T'(m + M_E F T'theta) more load at an
+    eigenvalue l. The interaction of two patches on one panel through F is neglected.
     """
     scale: Scale = plate.placed_cells[0].cell.scale
     unit = scale.young_pa * scale.length_m

@@ -22,15 +22,15 @@ from solvers.piezo.patched_plate import Group
 from solvers.superelement.plate import WHOLE
 
 PER_WIDTH = 6  # points over a resonance's half-power width about a peak
-SHARP = 1e-3  # of a half-power width: how finely a peak is found
-SAME_WIDTHS = 1.0  # half-power widths: nearer, two peaks are one
+SHARP = 1e-3  # of a half-power width: tolerance of a peak
+SAME_WIDTHS = 1.0  # half-power widths: closer peaks count as one
 SAME = 1e-10  # of the largest: directions of the space that are combinations of the others
 
-_KNOWN: WeakKeyDictionary[GroupModes, FrequencyErrors] = WeakKeyDictionary()  # every peak of a response asks for them
+_KNOWN: WeakKeyDictionary[GroupModes, FrequencyErrors] = WeakKeyDictionary()  # every peak of a response needs them
 
 
 class Driven(Protocol):
-    """What answers a sweep."""
+    """Interface of a driven structure that can be swept."""
 
     @property
     def loss(self) -> float:
@@ -94,7 +94,7 @@ class FrequencyErrors:
 
     @property
     def total(self) -> FloatArray:
-        """All of them."""
+        """Sum of all."""
         return self.mesh + self.reduction + self.bonding
 
 
@@ -104,7 +104,7 @@ def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_
 
 
 def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
-    """The same at points (p, 2): (p, n) in m/V."""
+    """u_z per volt of drive at points (p, 2): (p, n) in m/V."""
     at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
     volts = forced.volts_over(at)
     parts = [_rows(basis, points_m) @ basis.amplitudes(at, forced.loss, volts).T for basis in forced.modes]
@@ -112,7 +112,7 @@ def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: Flo
 
 
 def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float) -> tuple[float, float]:
-    """Where |u_z| of the operating shape is largest on |y| < half_width_m, (x, y) in m; the first of equals from x, y >= 0."""
+    """Point (x, y) in m of the largest |u_z| of the operating shape on |y| < half_width_m; of equals the first, x, y >= 0."""
     points, values = forced.shape(frequency_hz)
     size = np.where(np.abs(points[:, 1]) < half_width_m, np.abs(values), 0.0)
     equal = np.flatnonzero(size >= (1.0 - 1e-6) * size.max())
@@ -131,7 +131,7 @@ def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatA
 
 
 def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_hz: FloatArray | None = None) -> float:
-    """Where the zone's response is largest, Hz: on a grid and at the resonances, finer about its top, then between points.
+    """Frequency of the zone's largest response, Hz: on a grid and at the resonances, finer about its top, then between points.
 
     A resonance between two points of the grid may be narrower than they are apart: each one of the plate with its patches as
     they are wired has to be among `resonances_hz`, within the band.
@@ -146,7 +146,7 @@ def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_
 def near_hz(driven: Driven, mode_hz: float) -> float:
     """The peak of a mode, Hz: where the response is largest within a half-power width; its own frequency where it has no peak.
 
-    A stronger neighbour's flank rises to one end of that interval and is no peak.
+    A stronger neighbour's flank, which rises to one end of that interval, does not count as a peak.
     """
     reach = mode_hz * driven.loss
     top = _top_of(driven, mode_hz - reach, mode_hz + reach, mode_hz)
@@ -185,8 +185,8 @@ def peak_of(curve: Curve, frequency_hz: float) -> Peak:
 def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """Frequencies in Hz, ascending, with these patches open and the others short, and unit coordinates (modes, columns).
 
-    Columns are those of the groups' modes and residuals, one group after another. Only what lies within the band
-    means something.
+    Columns are those of the groups' modes and residuals, one group after another. Only modes within the band
+    are meaningful.
     """
     stiffness, mass, loads = _projected(forced)
     plate = forced.plate
@@ -208,7 +208,7 @@ def ritz_modes(stiffness: FloatArray, mass: FloatArray) -> tuple[FloatArray, Flo
 
 
 def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> CircuitShift | None:
-    """What opening patches (default: all) does to the target mode; None when the band holds no target mode."""
+    """Shift of the target mode by opening patches (default: all); None if the band holds no target mode."""
     place = forced.target_column()
     short = forced.target_hz()
     if place is None or short is None:
@@ -219,7 +219,7 @@ def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> C
 
 
 def open_patches(forced: ForcedPlate) -> list[int]:
-    """Patches that no voltage holds: those that listen, and where a charge drives those that drive."""
+    """Patches without a prescribed voltage: the sensors, and charge-driven actuators."""
     return forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
 
 
@@ -278,19 +278,19 @@ def frequency_errors(basis: GroupModes) -> FrequencyErrors:
 
 
 def frequency_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
-    """Half-width of the bar of the frequency of the peak nearest to one, relative; None where it is not known.
+    """Relative error bar (half-width) of the frequency of the peak nearest to one; None without an estimate.
 
-    That of the mode nearest to it: mesh, reduction and bonding together.
+    That of the nearest mode: mesh, reduction and bonding together.
     """
     basis, index = _nearest(forced, frequency_hz)
     return None if basis is None else _known(float(frequency_errors(basis).total[index]))
 
 
 def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
-    """Half-width of the bar of the peak nearest to a frequency, relative; None where it is not known, or no mode is about.
+    """Relative error bar (half-width) of the peak nearest to a frequency; None without an estimate or a mode nearby.
 
-    A resonance's height goes as phi'f / lambda: what the loads f and the mode's frequency may be wrong by adds up. Damping is
-    given and not judged. What modes left out of the panels bring is told at rest: at the mode's eigenvalue l it may be
+    A resonance's height goes as phi'f / lambda: the errors of the loads f and of the mode's frequency add up. Damping is
+    given and not judged. The part of the discarded modes of the panels is known at rest: at the mode's eigenvalue l it may be
     larger by l / (L - l), L that below which none was left out.
     """
     basis, index = _nearest(forced, frequency_hz)
@@ -306,7 +306,7 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
 
 
 def load_errors(basis: GroupModes) -> FloatArray:
-    """Errors of the loads' gains by the mesh of the bond and by the modes left out of the panels, (modes, patches); NaN where
+    """Errors of the loads' gains by the mesh of the bond and by the panels' discarded modes, (modes, patches); NaN where
     they are not known.
     """
     if basis.bond is None or basis.group.by_modes is None:
@@ -383,7 +383,7 @@ def _bonding(basis: GroupModes, vectors: FloatArray) -> FloatArray:
 
 
 def _growth(group: Group, value: float | FloatArray) -> Any:
-    """How much larger at eigenvalues than at rest the answers of modes left out of the panels are at most, less 1."""
+    """Largest ratio of the discarded modes' answers at eigenvalues to those at rest, less 1."""
     return np.max([cell.residual.growth(value) for plate in group.plates for cell in plate.cells], axis=0) - 1.0
 
 

@@ -1,4 +1,4 @@
-"""From a design to reduced cells and the plates made of them: how fine each is meshed, which are distinct, which are kept."""
+"""Reduced cells of a design and the plates assembled from them: their meshes, the distinct ones, and the cached ones."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from geometry.layout import Design, Pillar, region_materials
 from geometry.materials import Stack
 from geometry.mesh import Mesh, check_mesh
 from geometry.tiling import Panel, Signature, signature, tile
-from solvers.accuracy.mesh import Nested, Shares, StressRecovery, rim_shares
+from solvers.accuracy.mesh import ErrorFractions, Nested, StressRecovery, rim_shares
 from solvers.accuracy.reduction import extrapolated, recovered
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.eigen import PlainPencil
-from solvers.fem.factor import side_by_side
+from solvers.fem.factor import parallel_map
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
@@ -40,14 +40,14 @@ Kept = TypeVar("Kept")
 
 
 class Cache(Protocol[Kept]):
-    """Where reduced cells, or matrices, are kept between runs."""
+    """Store of reduced cells, or matrices, between runs."""
 
     def get(self, key: str) -> Kept | None:
-        """What is kept under this key, or None."""
+        """Return the value stored under this key, or None."""
         ...
 
     def put(self, key: str, kept: Kept, /) -> None:
-        """Keep it."""
+        """Store a value under a key."""
         ...
 
 
@@ -56,7 +56,7 @@ Meshes = Callable[[Panel], Mesh]
 
 @dataclass
 class Reductions:
-    """Reduces panels of one plate; equal panels once, and none that the cache has. `fresh` counts those computed here.
+    """Reduction of a plate's panels: equal panels once, cached ones not at all. `fresh` counts those computed here.
 
     `pillar` stands on panels with a foot that name none of their own. `mesher` meshes the panels with a pillar; without it,
     and for bare panels, structured hexahedra do.
@@ -67,7 +67,7 @@ class Reductions:
     reduction: ReductionSettings
     cache: Cache[Cell] | None = None
     mesher: Meshes | None = None
-    mesher_name: str = ""  # tells one mesher's cells from another's in the cache
+    mesher_name: str = ""  # distinguishes one mesher's cells from another's in the cache
     fresh: int = 0
     reused: int = 0
 
@@ -96,7 +96,7 @@ class Reductions:
         return restricted(cell, reduction.interface) if reduction.further else cell
 
     def _recovered(self, cell: Cell, builder: CellBuilder, parts: list[SymmetryClass]) -> Cell:
-        """The cell less what the stresses of its tetrahedra tell of its mesh."""
+        """The cell corrected by stress recovery on its tetrahedra."""
         system = builder.system
         recovery = StressRecovery(system.mesh, region_materials(self.stack, self.pillar), system.scale)
         return recovered(cell, builder, parts, recovery)
@@ -130,9 +130,9 @@ class Reductions:
         return assemble(mesh, region_materials(self.stack, self.pillar), scale)
 
     def coarser(self, panel: Panel) -> Coarser | None:
-        """What takes the mesh's error from a reduced panel by coarser meshes nested in its own; None for a mesh that has none.
+        """Correction of a reduced panel by coarser meshes nested in its own; None for a mesh that has none.
 
-        Nothing is singular in a bare panel: elements of one order less tell its error, and nothing is taken away.
+        Nothing is singular in a bare panel: elements of one order less estimate its error, without a correction.
         """
         settings, reduction = self.settings(panel), self.reduction
         at_rim = panel.foot is not None and self.pillar is not None and settings.layers > 0
@@ -147,9 +147,11 @@ class Reductions:
         def extrapolate(cell: Cell, fine: CellBuilder, parts: list[SymmetryClass]) -> Cell:
             mesh = self._mesh(panel, settings)
             meshes = [replace(settings, order=settings.order - 1), *([settings.coarser] if at_rim else [])]
-            lower, *layer = side_by_side(lambda other: nested(mesh, other), meshes)
+            lower, *layer = parallel_map(lambda other: nested(mesh, other), meshes)
             if not at_rim or self.pillar is None:
-                return extrapolated(cell, (fine, parts), lower, None, Shares(order=settings.order), reduction.top_hz)
+                return extrapolated(
+                    cell, (fine, parts), lower, None, ErrorFractions(order=settings.order), reduction.top_hz
+                )
             own = self.pillar_of(panel) or self.pillar
             shares = rim_shares(self.stack.back, own.material, settings, *own.joints, wall=own.wall_angle)
             return extrapolated(cell, (fine, parts), lower, layer[0], shares, reduction.top_hz)
@@ -188,8 +190,8 @@ def _side_nodes(mesh: Mesh, panel: Panel) -> int:
 
 
 class PlateModel:
-    """A finite plate assembled from reduced cells, symmetry class by symmetry class; whole where it is not its own
-    mirror image. bytes_each: what reducing a panel is foreseen to take; as many are reduced at once as memory holds.
+    """A finite plate assembled from reduced cells, symmetry class by symmetry class; whole if it is not its own
+    mirror image. bytes_each: estimated memory to reduce one panel; as many are reduced at once as memory allows.
     """
 
     def __init__(self, design: Design, reductions: Reductions, bytes_each: float = 0.0) -> None:
@@ -209,19 +211,19 @@ class PlateModel:
         for panel in starmap(self.tiling.panel, self.tiling.representatives(whole)):
             if (name := signature(panel)) not in self.cells:
                 fresh.setdefault(name, panel)
-        cells = side_by_side(self.reductions.cell, fresh.values(), self._bytes_each)
+        cells = parallel_map(self.reductions.cell, fresh.values(), self._bytes_each)
         self.cells |= dict(zip(fresh, cells, strict=True))
 
     @cached_property
     def _grid(self) -> Grid:
-        """What the symmetry classes share; a whole plate has every panel's own numbers."""
+        """Numbering shared by the symmetry classes; a whole plate has every panel's own numbers."""
         return Grid(self.tiling, self.cells, False)
 
     def assembled(self, symmetry: str | None) -> AssembledPlate:
         """The assembled cells of one symmetry class, of the whole plate for None."""
         name = symmetry or WHOLE
         if name not in self._assembled_plates:
-            if name == WHOLE:  # a panel at a mirrored plate's lower end may be none of its classes'
+            if name == WHOLE:  # a panel at a mirrored plate's lower end may belong to none of its classes
                 self._reduce(True)
             grid = None if name == WHOLE else self._grid
             self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name, grid)

@@ -1,4 +1,4 @@
-"""A plate as one thin strip across zone, rows and extension, its pillars as beams smeared along x: milliseconds a design."""
+"""A plate as one thin strip across zone, rows and margin, its pillars as beams smeared along x: milliseconds per design."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from solvers.errors import SolverError
 from solvers.measures.confinement import BESIDE, AcrossModes, DrivenZones, Profile, drive_zones, measure_profile
 
 # -- standing pillars --------------------------------------------------------------------------------------------------
-# A pillar on a moving foot: what it carries rigidly and how its own vibrations follow, ready to stand on a plate.
+# A pillar on a moving foot: its rigid inertia and its own vibrations, to be placed on a plate.
 # Foot motion d and own modes a_j (foot clamped): T = J d'^2/2 + sum L_j a_j' d' + a_j'^2/2, V = sum omega_j^2 a_j^2/2
 # (Craig and Bampton, one body). Shear and rotary inertia are Timoshenko's; the section may taper.
 
@@ -43,7 +43,7 @@ class EffectiveMass:
 
 
 def root_compliance(pillar: Pillar) -> float:
-    """How far a moment turns the pillar's foot in an elastic half-space that holds it, rad/(N m): 16.67/(pi E a^3).
+    """Rotation of the pillar's foot in an elastic half-space per moment, rad/(N m): 16.67/(pi E a^3).
 
     Plane stress, for a square section of side a; another one has that of the square of equal area. Source: odonnell1960.
     """
@@ -53,7 +53,7 @@ def root_compliance(pillar: Pillar) -> float:
 def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0.0) -> EffectiveMass:
     """The foot turns about a line `lever_m` below it (the plate's middle), the pillar bends. Source: craig1968.
 
-    `compliance` (rad/(N m)) lets the pillar turn on its foot, too: what the plate gives way around it.
+    `compliance` (rad/(N m)) lets the pillar rotate on its foot, too: the compliance of the plate around it.
     """
     beam = pillar_beam(pillar, about_x=True)
     s, weight, ratio = _rule(beam)
@@ -127,11 +127,11 @@ def _own(stiffness: FloatArray, mass: FloatArray, coupling: FloatArray, inertia:
 
 
 # -- strip -------------------------------------------------------------------------------------------------------------
-# Zone, rows and extension as one thin strip across the plate, its pillars as beams smeared along x: milliseconds a
+# Zone, rows and margin as one thin strip across the plate, its pillars as beams smeared along x: milliseconds per
 # design.
 # w = Y(y) cos(k x) with the target wavenumber k; cubic elements over y (finite strips, cheung1976); every row is a
-# line of pillars that carry their own vibrations. The plate's rigidity is lowered by what shear takes from the wave
-# that is target (Mindlin). Good for ranking designs: what a computed cell knows of the pillars' feet is missing.
+# line of pillars that carry their own vibrations. The plate's rigidity is lowered by the effect of shear on the
+# target wave (Mindlin). Good for ranking designs: the detailed deformation of the pillars' feet is missing.
 
 PER_WIDTH = 8  # elements across a zone's width: a wave of the zone's is 16 long, cubic ones are exact to 1e-5
 _GAUSS = legendre.leggauss(4)
@@ -140,7 +140,7 @@ _GAUSS = legendre.leggauss(4)
 def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float = 0.5) -> AcrossModes:
     """Modes with low <= f <= high, Hz. SolverError for a design without zone or thickness.
 
-    `softness` scales how far the pillars' feet give way beyond what the strip bends there: 1 is a half-space's compliance.
+    `softness` scales the compliance of the pillars' feet in addition to the strip's own bending: 1 is that of a half-space.
     """
     frequency_hz, profile = _solved(design, (low_hz, high_hz), softness)
     return AcrossModes(frequency_hz, measure_profile(profile, design))

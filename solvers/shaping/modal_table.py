@@ -1,4 +1,4 @@
-"""A structure as a table of modes between actuators and sensors, the matrix T(omega) of both, and sensors calibrated."""
+"""A structure as a table of modes between actuators and sensors, their matrix T(omega), and the calibration of sensors."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError, check_above_zero
 
 # -- modal table -------------------------------------------------------------------------------------------------------
-# A structure as a table of modes: frequencies, losses, and how much each mode feels and shows.
+# A structure as a table of modes: frequencies, losses, and each mode's actuator and sensor weights.
 # Modes are mass-normalised and e^{+i omega t} is understood: q_m = sum_a actuators[m, a] V_a/(omega_m^2 - omega^2 + i
-# omega omega_m/Q_m), signal_s = sum_m sensors[m, s] q_m, w(x_p) = sum_m field[m, p] q_m, plus what the modes left out
+# omega omega_m/Q_m), signal_s = sum_m sensors[m, s] q_m, w(x_p) = sum_m field[m, p] q_m, plus what the discarded modes
 # answer statically (the residuals).
 
 EXACT = 1e-12  # relative distance of squared frequencies below which an undamped mode is hit
@@ -22,7 +22,7 @@ EXACT = 1e-12  # relative distance of squared frequencies below which an undampe
 
 @dataclass(frozen=True)
 class ModalTable:
-    """m modes, a actuators, s sensors, p points; any structure. Raises SolverError for what cannot be one.
+    """m modes, a actuators, s sensors, p points; any structure. Raises SolverError for an invalid table.
 
     frequencies_hz (m,); quality_factor (m,), inf without loss; actuators (m, a), N/V per sqrt(kg); sensors (m, s), signal per
     modal coordinate (m sqrt(kg)); field (m, p), 1/sqrt(kg); points_m (p, d). Residuals (s, a) and (p, a): static answer
@@ -127,15 +127,15 @@ def _check(table: ModalTable) -> None:
 # -- transfer matrix ---------------------------------------------------------------------------------------------------
 # The actuator-sensor matrix T(omega): how well it can be inverted, and at which frequencies.
 # coupling = ||I - ORT||_2/(N - 1), ORT_ij = |t_i . conj t_j|/(|t_i||t_j|) over the rows of T: 0 for orthogonal rows,
-# 1 when all are parallel. Two equal rows of six give only 0.2 while T is singular, so the condition number always
-# stands beside it.
+# 1 when all are parallel. Two equal rows of six give only 0.2 while T is singular, so the condition number is always
+# given with it.
 
-UNDRIVEN = 1e-9  # of the largest row: a sensor below it hears nothing
+UNDRIVEN = 1e-9  # of the largest row: a sensor below it measures nothing
 
 
 @dataclass(frozen=True)
 class Conditioning:
-    """Of one T: condition number sigma_1/sigma_N (inf when singular), coupling and independence = 1 - coupling."""
+    """Conditioning of one T: condition number sigma_1/sigma_N (inf when singular), coupling and independence = 1 - coupling."""
 
     condition: float
     coupling: float
@@ -154,7 +154,7 @@ def orthogonality(matrix: ComplexArray) -> FloatArray:
     undriven = np.flatnonzero(size <= UNDRIVEN * largest) if largest > 0.0 else np.arange(len(size))
     if undriven.size:
         raise SolverError(
-            f"sensor {undriven[0] + 1} answers no actuator (its row of T is {size[undriven[0]]:.3g} against {largest:.3g}): "
+            f"sensor {undriven[0] + 1} answers to no actuator (its row of T is {size[undriven[0]]:.3g} against {largest:.3g}): "
             "it sits on a node of every mode that is excited; move it or change the frequency"
         )
     rows = matrix / size[:, None]
@@ -203,7 +203,7 @@ def operating_frequencies(of: Scan, count: int = 3) -> FloatArray:
     inner = of.condition[1:-1]
     lows = 1 + np.flatnonzero((inner < of.condition[:-2]) & (inner <= of.condition[2:]))
     if not lows.size:
-        raise SolverError("no frequency between the ends of the scan conditions T best; scan a wider band")
+        raise SolverError("the scan has no minimum of the condition number between its ends; scan a wider band")
     best = lows[np.argsort(of.condition[lows], kind="stable")][:count]
     return np.asarray(of.frequencies_hz[best])
 
@@ -212,7 +212,7 @@ def operating_frequencies(of: Scan, count: int = 3) -> FloatArray:
 # Sensors calibrated on a standing wave: each sensor's voltage against the displacement under it, over several
 # amplitudes.
 # w = c V with a complex c per sensor: |c| in m/V, and the phase that the measuring chain adds. c belongs to the wave
-# it was measured on: a patch answers strain, whose ratio to displacement changes with wavelength and beside a driven
+# it was measured on: a patch answers strain, whose ratio to displacement changes with wavelength and near a driven
 # patch.
 
 NODE = 0.05  # of the largest amplitude: a sensor below it stands too near a node to be calibrated on this wave
@@ -237,7 +237,7 @@ def calibrate(displacement: ComplexArray, voltage: ComplexArray) -> ComplexArray
 
 
 def common_phase(factor: ComplexArray) -> float:
-    """What the sensors' factors share (the chain's delay), rad."""
+    """Common phase of the sensors' factors (the delay of the measuring chain), rad."""
     return float(np.angle(np.sum(factor / np.abs(factor))))
 
 

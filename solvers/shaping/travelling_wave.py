@@ -18,7 +18,7 @@ from solvers.shaping.voltages import Drive, drive_voltages
 # A wave towards +x is e^{-ikx} (time factor e^{+i omega t}). TWR = 1 - SWR, SWR = (A_max - A_min)/(A_max + A_min):
 # for two waves a and b it is 1 - |b|/|a|, a ratio of amplitudes. The wave that goes forward then carries 1/(1 + (1 -
 # TWR)^2) of the two waves' energy, and the net flux is 1 - (1 - TWR)^2 of the forward wave's. A line that moves in
-# step with even amplitude has a TWR of 1 too: the two-wave fit beside it tells the two apart.
+# step with even amplitude has a TWR of 1 too: the two-wave fit distinguishes the two.
 
 MIN_COUNT = 8  # points for a two-wave fit
 
@@ -108,7 +108,7 @@ def best_travelling_drive(field: ComplexArray, x_m: FloatArray, guess: float) ->
     """Voltages (a,) of the largest TWR found over points x (p,) with amplitude and phase of every actuator free, and that TWR.
 
     field (p, a): displacement per volt. Starts from the least-squares waves e^{-ikx} around a guess of k, then raises the
-    smallest amplitude while the largest stays 1. Not convex: what it finds is reached, a larger one cannot be excluded.
+    smallest amplitude while the largest stays 1. Not convex: the value found is attained, but a larger one cannot be excluded.
     """
     scaled = field / np.abs(field).max()
     starts = []

@@ -74,7 +74,7 @@ class Errors:
     """Standard deviations, and how often they are drawn from which seed: the same one gives the same numbers.
 
     noise: of each entry of T as a share of its largest one (complex, rms); gain: relative; phase_rad; crosstalk: of the share
-    (complex, rms) a sensor hears of each neighbour. All 0 or more; trials 1 or more.
+    (complex, rms) a sensor picks up from each neighbour. All 0 or more; trials 1 or more.
     """
 
     noise: float = 0.0
@@ -95,7 +95,7 @@ class Errors:
 
 @dataclass(frozen=True)
 class Contrast:
-    """How well a field is confined inside: ratios of amplitudes, inside over outside."""
+    """Confinement of a field: ratios of amplitudes, inside over outside."""
 
     peak_ratio: float
     contrast: float
@@ -108,7 +108,7 @@ class Contrast:
 
 @dataclass(frozen=True)
 class Confined:
-    """At one frequency, dB of rms inside over rms outside: one actuator alone, and all with the best voltages (a,), V."""
+    """Confinement at one frequency, rms inside over outside in dB: one actuator, and all with the best voltages (a,), V."""
 
     alone_db: float
     shaped_db: float
@@ -199,7 +199,7 @@ def contrast(displacement: ComplexArray, inside: BoolArray) -> Contrast:
     _check_sides(inside)
     size = np.abs(displacement)
     if not size.any():
-        raise SolverError("the field is zero everywhere: nothing can be said about its confinement")
+        raise SolverError("the field is zero everywhere: its confinement is undefined")
     power = [float(np.mean(size[side] ** 2)) for side in (inside, ~inside)]
     with np.errstate(divide="ignore"):
         peak = np.float64(size[inside].max()) / size[~inside].max()
@@ -215,7 +215,7 @@ def best_contrast(field: ComplexArray, inside: BoolArray) -> ComplexArray:
     gram_in, gram_out = (field[side].conj().T @ field[side] / len(field[side]) for side in (inside, ~inside))
     spread = np.linalg.eigvalsh(gram_out)
     if spread[0] <= 1e-14 * spread[-1]:
-        raise SolverError("some voltages move nothing outside, to rounding: their contrast has no bound")
+        raise SolverError("some voltages move nothing outside, to rounding: their contrast is unbounded")
     best = eigh(gram_in, gram_out)[1][:, -1]
     return np.asarray(best / np.abs(best).max())
 
@@ -275,7 +275,7 @@ def _check(matrix: ComplexArray, target: ComplexArray, limit_v: float) -> None:
     if target.shape != (len(matrix),):
         raise SolverError(f"the target has shape {target.shape}, must be ({len(matrix)},), one value per sensor")
     if not np.abs(target).any():
-        raise SolverError("the target is zero everywhere: ask for a vibration somewhere")
+        raise SolverError("the target is zero everywhere: request a vibration somewhere")
     if not limit_v > 0.0:
         raise SolverError(f"voltage limit = {limit_v:g} V: must be above 0 (inf for none)")
 

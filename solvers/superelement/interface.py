@@ -137,10 +137,10 @@ class Interface:
 
 
 class Ties:
-    """What each degree of freedom of cells side by side follows in a lattice: u(r + a) = u(r) exp(i k.a).
+    """Ties of the degrees of freedom of adjacent cells in a lattice: u(r + a) = u(r) exp(i k.a).
 
     a1 leads from the first of the cells to the next one's place beyond the last, a2 to the next row, `shift` cells further on.
-    Free are the lower edge and what lies inside; a row left open keeps its upper edge free, too.
+    The lower edge and the inside are free; an open row keeps its upper edge free, too.
 
     column (dof,): the free one, numbered [lower edge, inside], an edge as [vertex line, side] of each cell; offset (dof, 2): by
     how many a1 and a2 it lies beyond it. edge, inside: how many there are of both.
@@ -182,7 +182,7 @@ class Ties:
 
     @property
     def open_column(self) -> IntArray:
-        """What each follows in a row left open, numbered [lower edge, upper edge, inside], (dof,)."""
+        """Master of each degree of freedom in a row left open, numbered [lower edge, upper edge, inside], (dof,)."""
         beyond = (self.offset[:, 1] > 0.0) | (self.column >= self.edge)
         return np.asarray(self.column + self.edge * beyond)
 
@@ -207,10 +207,10 @@ def bubble_functions(s: FloatArray, degree: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class ReductionSettings:
-    """How a panel is reduced: boundary degrees, fixed-interface modes up to top_hz, mesh, longest bare panel (m).
+    """Settings of a panel's reduction: boundary degrees, fixed-interface modes up to top_hz, mesh, longest bare panel (m).
 
-    bare_size_m: elements of panels without a pillar, where they may be longer than those about a foot. further: so many more
-    degrees through the thickness are reduced with them, to estimate what they would bring; no plate is assembled of those.
+    bare_size_m: elements of panels without a pillar, where they may be longer than those about a foot. further: number of
+    further degrees through the thickness, reduced only to estimate their effect; no plate is assembled from them.
     """
 
     interface: Interface
@@ -222,5 +222,5 @@ class ReductionSettings:
 
     @property
     def ample(self) -> Interface:
-        """The boundary functions with those that only estimate what is left out."""
+        """The boundary functions with those that only estimate the truncation error."""
         return replace(self.interface, through=self.interface.through + self.further)

@@ -3,7 +3,7 @@
 K(k) = sum over d of K_d exp(i k.d), d in {-1, 0, 1}^2 pitches, with real K_d folded once from the reduced cell. It is
 Hermitian, and real symmetric in other degrees of freedom where a half turn leaves the cell as it is.
 
-The fixed-interface modes left out take h(l) D from the boundary's dynamic stiffness, D their residual flexibility, h(l) near
+The discarded fixed-interface modes take h(l) D from the boundary's dynamic stiffness, D their residual flexibility, h(l) near
 l^2 (`ResidualModes`): the lowest waves U of the pencil are coupled once more, by diag(l) - h U^H D U.
 
 Along a1 = (n w, 0) the n cells of width w repeat, along a2 = (s w, h) the row does, s cells further along x: staggered rows
@@ -33,15 +33,23 @@ from solvers.threads import one_thread
 
 ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid-body modes
 EQUAL = 1e-7  # relative distance of eigenvalues that count as one
-SPARE = 4  # waves above those asked for, which what is left out couples them with
+SPARE = 4  # waves above the requested ones, with which the discarded modes couple them
 
 
 @dataclass(frozen=True)
 class Waves:
-    """The lowest waves at a wavevector (2,) in rad/m: scaled eigenvalues and frequencies in Hz, both (n,) ascending.
+    """Lowest Bloch waves at one wavevector.
 
-    degrees of freedom (cell dof, n): the cell's, u^H M u = 1, orthogonal but for what is left out of the cell; by_modes (n,):
-    half-width of a frequency's bar by the fixed-interface modes left out, relative, infinite where nothing is known.
+    Attributes
+    ----------
+    wavevector : ndarray, shape (2,)
+        In rad/m.
+    eigenvalue, frequency_hz : ndarray, shape (n,)
+        Scaled eigenvalues, and frequencies in Hz, both ascending.
+    dofs : ndarray, shape (cell dof, n)
+        Cell degrees of freedom, u^H M u = 1, orthogonal except for the part of the discarded modes.
+    by_modes : ndarray, shape (n,)
+        Relative error bar (half-width) due to discarded fixed-interface modes; inf where unknown.
     """
 
     wavevector: FloatArray
@@ -95,7 +103,7 @@ class ReducedLattice:
 
     @cached_property
     def c2_symmetry(self) -> C2Symmetry | None:
-        """What makes the pencil real; None where the cell has no such turn, as a wavevector without symmetries tells."""
+        """Half turn that makes the pencil real, found at a wavevector without symmetries; None if the cell has none."""
         turn = c2_symmetry(self.cell, self.column, self.offset)
         wavevector = np.array([1.0, np.sqrt(2.0)]) / np.array(self.cell.size_m[:2])
         if turn is None or not all(turn.is_real(matrix, wavevector) for matrix in self.pencil(wavevector)):
@@ -105,7 +113,7 @@ class ReducedLattice:
     def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
         """The `count` lowest Bloch frequencies at a wavevector (2,) in rad/m, ascending, Hz (a dense solve misses none).
 
-        Raises SolverError where the mass is not positive: more boundary functions than the mesh can tell apart.
+        Raises SolverError if the mass is not positive: more boundary functions than the mesh can distinguish.
         """
         return self.waves(wavevector, count).frequency_hz
 
@@ -133,7 +141,7 @@ class ReducedLattice:
         return values[:whole], free[:, :whole]
 
     def _flexibility(self, wavevector: FloatArray, free: ComplexArray) -> ComplexArray:
-        """U^H D U of free degrees of freedom (dof, n), D the residual flexibility of the modes left out."""
+        """U^H D U of free degrees of freedom (dof, n), D the residual flexibility of the discarded modes."""
         count = self.cell.interface.count
         u = self._phases(wavevector)[:count, None] * free[self.column[:count]]
         return np.asarray(u.conj().T @ times(self.cell.dropped, u))
@@ -209,7 +217,7 @@ class Periodic:
 
     @property
     def middles_m(self) -> FloatArray:
-        """Where the cells' middles stand along x, from the first one's, (cells,)."""
+        """Positions of the cells' middles along x from the first one's, (cells,), m."""
         return np.asarray(self.lattice.a1_m[0] / len(self.cells) * np.arange(len(self.cells)))
 
     def parts(self, dofs: ComplexArray) -> list[tuple[Cell, ComplexArray]]:
@@ -262,7 +270,7 @@ class BlochPlate:
         return self.periodic.reduced(transform, "stiffness"), self.periodic.reduced(transform, "mass")
 
     def pencil(self) -> PlainPencil:
-        """The same."""
+        """Hermitian K and M, (dof, dof) each."""
         stiffness, mass = (sp.csc_array(matrix) for matrix in self.matrices)
         return PlainPencil(stiffness, mass, self.periodic.scale)
 
@@ -279,7 +287,7 @@ class BlochPlate:
         return np.asarray(placed_cell.coefficient[:, None] * vectors[placed_cell.dofs])
 
     def widened(self) -> BlochPlate:
-        """The same with the further boundary functions that the cells know."""
+        """Return the plate with the cells' further boundary functions."""
         cells = [with_further(cell) for cell in self.periodic.cells]
         return replace(self, periodic=Periodic(cells, self.periodic.shift))
 

@@ -25,7 +25,7 @@ from solvers.superelement.cell import Cell, Expansion, SurfaceRule, with_further
 from solvers.superelement.interface import OFFSETS, SIDES, VERTICES, Interface
 
 WHOLE = ""  # no mirror: every panel is assembled
-DUST = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
+DROP_TOLERANCE = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
 RIGID_OF_CLASS = {"SS": 1, "SA": 2, "AS": 2, "AA": 1, WHOLE: 6}
 
 
@@ -75,7 +75,7 @@ class AssembledPlate:
         return list({id(placed_cell.cell): placed_cell.cell for placed_cell in self.placed_cells}.values())
 
     def widened(self) -> AssembledPlate:
-        """The same with the further boundary functions that its cells know."""
+        """Return the plate with its cells' further boundary functions."""
         cells = {key: with_further(cell) for key, cell in self.grid.cells.items()}
         return AssembledPlate(self.tiling, cells, self.symmetry)
 
@@ -144,7 +144,7 @@ class AssembledPlate:
             field = np.tensordot(expansion.matrix, self.cell_vectors(placed_cell, vectors), axes=(2, 0))
             values.append(field.transpose(2, 0, 1))
             start += len(expansion.points)
-        if len({part.shape[1] for part in facets}) > 1:  # tetrahedra beside bare panels of hexahedra
+        if len({part.shape[1] for part in facets}) > 1:  # tetrahedra next to bare panels of hexahedra
             facets = [triangles(part) for part in facets]
         return Skin(np.concatenate(points), np.concatenate(facets), np.concatenate(values, axis=1))
 
@@ -161,27 +161,27 @@ class AssembledPlate:
 
 
 def _entries(matrix: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """Rows, columns and values of a cell's matrix, but for what rounding left of entries that symmetry makes zero."""
+    """Rows, columns and values of a cell's matrix, without the rounding left in entries that symmetry makes zero."""
     size = np.sqrt(np.abs(np.diag(matrix)))
-    row, column = np.nonzero(np.abs(matrix) > DUST * np.outer(size, size))
+    row, column = np.nonzero(np.abs(matrix) > DROP_TOLERANCE * np.outer(size, size))
     return row, column, matrix[row, column]
 
 
 def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
-    """SolverError unless all cells share boundary functions, units and thickness, and each fills its panel."""
+    """Raise SolverError unless all cells share boundary functions, units and thickness, and each fills its panel."""
     first = next(iter(cells.values()))
     for key, cell in cells.items():
         same = cell.interface == first.interface and cell.scale == first.scale
         if not same or abs(cell.size_m[2] - first.size_m[2]) > 1e-9 * first.size_m[2]:
             raise SolverError(
-                f"cells do not fit together: {cell.interface} beside {first.interface}, or another thickness"
+                f"cells do not fit together: {cell.interface} next to {first.interface}, or different thicknesses"
             )
         if not np.allclose(cell.size_m[:2], np.array(key[:2], dtype=float), rtol=0.0, atol=1e-8):
             raise SolverError(f"a cell of {cell.size_m[:2]} m does not fill its panel of {key[:2]} m")
 
 
 class Grid:
-    """Numbers of the whole plate's degrees of freedom, and what the two mirrors do to them; `whole`: no panel stands
+    """Numbers of the whole plate's degrees of freedom, and the action of the two mirrors on them; `whole`: no panel stands
     for its image.
     """
 
@@ -229,7 +229,7 @@ class Grid:
         return np.concatenate([*corners, *sides, np.arange(first, last)])
 
     def copies(self, i: int, j: int) -> int:
-        """How many panels a representative one stands for."""
+        """Number of panels that a representative one stands for."""
         if self.whole:
             return 1
         return (1 if 2 * i == self.nx - 1 else 2) * (1 if 2 * j == self.ny - 1 else 2)
@@ -239,7 +239,7 @@ class Grid:
         return self.tiling.representatives(self.whole)
 
     def representatives(self, symmetry: str) -> tuple[IntArray, FloatArray]:
-        """For every DOF the one it follows and its coefficient: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""
+        """Master and coefficient of every degree of freedom: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""
         here = np.arange(self.count)
         where, sign = here, np.where(self._idle(), 0.0, 1.0)
         for axis, mark in enumerate(symmetry):
@@ -265,7 +265,7 @@ class Grid:
 
     @cached_property
     def _mirrors(self) -> tuple[tuple[IntArray, FloatArray], ...]:
-        """Both mirrors, which every symmetry class asks for."""
+        """Both mirrors, which every symmetry class needs."""
         return self._mirror(0), self._mirror(1)
 
     def _mirror(self, axis: int) -> tuple[IntArray, FloatArray]:

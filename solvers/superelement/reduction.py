@@ -20,7 +20,7 @@ from geometry.mesh import AnyMesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import System, on_components
 from solvers.fem.eigen import PlainPencil, Shared, lowest_hz, modes_in_band
-from solvers.fem.factor import Factor, Factoriser, side_by_side
+from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.solid import constrain, free_mask, rigid_body_modes
 from solvers.fem.surface import skin_faces
 from solvers.superelement.cell import Cell, Expansion, check_rigid, mirrored, places_of, rigid_polynomials
@@ -30,7 +30,9 @@ from solvers.threads import one_thread
 
 SAME = 1e-6  # of the thickness: one place
 
-Coarser = Callable[[Cell, "CellBuilder", "list[SymmetryClass]"], Cell]  # takes the mesh's error away, by a coarser mesh
+Coarser = Callable[
+    [Cell, "CellBuilder", "list[SymmetryClass]"], Cell
+]  # corrects the discretisation error by a coarser mesh
 
 
 def reduce_cell(
@@ -41,11 +43,32 @@ def reduce_cell(
     free: tuple[str, ...] = (),
     coarser: Coarser | None = None,
 ) -> Cell:
-    """Reduce a panel whose mesh has its middle at the origin; `halved` lists the axes meshed on their positive side only.
+    """Reduce a panel to boundary functions and fixed-interface modes.
 
-    Sides listed in `free` join nothing: they move as the mesh lets them, and their bubbles carry nothing.
-    Fixed-interface modes up to `top_hz` are kept. `coarser` takes the mesh's error away. Raises SolverError when a rigid-body
-    mode meets a force or the mass is off.
+    Parameters
+    ----------
+    system : System
+        Assembled matrices of a mesh with its middle at the origin.
+    interface : Interface
+        Degrees of the boundary functions.
+    top_hz : float
+        Highest fixed-interface frequency to keep, Hz.
+    halved : tuple of int
+        Axes meshed on their positive side only.
+    free : tuple of str
+        Sides that join nothing: they move as the mesh lets them, and their bubbles carry nothing.
+    coarser : callable, optional
+        Corrects the discretisation error.
+
+    Returns
+    -------
+    Cell
+        The reduced cell, in the units of the system's scale.
+
+    Raises
+    ------
+    SolverError
+        If a rigid-body mode meets a force or the mass is wrong.
     """
     _enough_nodes(system, interface)
     with one_thread():  # blocks of eight columns: a second thread mostly waits, and another case can use its core
@@ -57,14 +80,14 @@ def reduce_cell(
 
 
 def _enough_nodes(system: System, interface: Interface) -> None:
-    """SolverError when the mesh has fewer nodes through the plate than the boundary functions need."""
+    """Raise SolverError if the mesh has fewer nodes through the plate than the boundary functions need."""
     mesh = system.mesh
     side = mesh.nodes[mesh.nodes_of("x+")]
     through = len(np.unique(np.round(side[:, 2], 9)))
     if mesh.kind == "hex" and through <= interface.through:
         raise SolverError(
             f"degree {interface.through} through the thickness needs {interface.through + 1} nodes, the mesh has {through}: "
-            "take a higher order or more elements through the plate"
+            "use a higher order or more elements through the plate"
         )
 
 
@@ -72,8 +95,8 @@ def _enough_nodes(system: System, interface: Interface) -> None:
 class SymmetryClass:
     """One symmetry class: its basis of boundary degrees of freedom, nodal shapes (3n, m) and fixed-interface frequencies.
 
-    No fixed-interface mode of the class below dropped_hz was left out; flexibility (boundary, boundary) is what those left out
-    answer together to the boundary's motion, (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
+    No fixed-interface mode of the class below dropped_hz is discarded; flexibility (boundary, boundary) is the residual
+    flexibility of the discarded ones, (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
     """
 
     signs: dict[int, int]
@@ -96,8 +119,8 @@ class ClassSector:
         """Fields at every node, (3n, k)."""
         return self.pencil.expand(vectors).reshape(self.pencil.free.size, -1)
 
-    def gathered(self, field: FloatArray) -> FloatArray:
-        """What of a load (3n, k) acts on the degrees of freedom."""
+    def restrict(self, field: FloatArray) -> FloatArray:
+        """Restrict nodal loads (3n, k) to the free degrees of freedom."""
         return np.asarray(field[self.keep])
 
 
@@ -148,7 +171,7 @@ class CellBuilder:
         return diagonal_mirror(self.system) if square else None
 
     def swapped(self, part: SymmetryClass) -> SymmetryClass:
-        """The same class with x and y exchanged: u'_x(x, y) = u_y(y, x)."""
+        """Return the class with x and y exchanged: u'_x(x, y) = u_y(y, x)."""
         assert self.diagonal is not None
         shapes = part.shapes.reshape(len(self.diagonal), 3, -1)[self.diagonal][:, [1, 0, 2]]
         signs = {0: part.signs[1], 1: part.signs[0]}
@@ -158,13 +181,13 @@ class CellBuilder:
     def classes(self, top_hz: float, bounded: bool = True) -> list[SymmetryClass]:
         """Every symmetry class reduced; where x and y are alike, the class (-, +) is (+, -) turned over.
 
-        bounded: with what bounds the modes left out, which a mesh that only tells another one's error does not need.
+        bounded: with bounds of the discarded modes, which a mesh used only for an error estimate does not need.
         """
         classes = list(product((1, -1), repeat=len(self.halved)))
         turned = {(-1, 1)} if self.diagonal is not None else set()
         tasks = [(signs, half) for signs in classes if signs not in turned for half in self._halves(signs)]
         named = [(dict(zip(self.halved, signs, strict=True)), half) for signs, half in tasks]
-        reduced = side_by_side(lambda task: self.reduce(*task, top_hz, bounded), named)
+        reduced = parallel_map(lambda task: self.reduce(*task, top_hz, bounded), named)
         parts = {
             signs: _together([part for task, part in zip(tasks, reduced, strict=True) if task[0] == signs])
             for signs, _ in tasks
@@ -172,7 +195,7 @@ class CellBuilder:
         return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
 
     def _halves(self, signs: tuple[int, ...]) -> tuple[int, ...]:
-        """What the mirror x <-> y leaves alone (1) and what it turns over (-1), where x and y are alike in a class; else 0."""
+        """Halves of a class under the mirror x <-> y: invariant (1) and sign-changing (-1); 0 where x and y differ."""
         return (1, -1) if self.diagonal is not None and signs[0] == signs[1] else (0,)
 
     def _inside(self, signs: dict[int, int]) -> BoolArray:
@@ -193,13 +216,13 @@ class CellBuilder:
         return np.asarray(self.system.stiffness[moved].T @ shapes[moved])
 
     def clamp(self, signs: dict[int, int], half: int = 0) -> ClampedBoundaryClass:
-        """The constraint shapes of one symmetry class, or of what the mirror x <-> y does to it: K_II Psi = -K_IB P."""
+        """The constraint shapes of one symmetry class, or of its half under x <-> y: K_II Psi = -K_IB P."""
         sector, basis = self._sector(signs, half), self.interface.parity_basis(signs, half)
         boundary = self._at_boundary(basis)
         factorise, pencil = Factoriser(), sector.pencil  # one symbolic analysis serves the shifted matrices too
         # stored zeros dropped, as in every shifted matrix
         factor = factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
-        shapes = boundary - sector.spread(factor.solve(sector.gathered(self._pull(boundary))))
+        shapes = boundary - sector.spread(factor.solve(sector.restrict(self._pull(boundary))))
         return ClampedBoundaryClass(basis, self._moved_rigidly(basis, shapes), sector, factorise, factor)
 
     def _moved_rigidly(self, basis: FloatArray, shapes: FloatArray) -> FloatArray:
@@ -232,7 +255,7 @@ class CellBuilder:
         if bounded:
             if not len(modes.frequency_hz):  # the lowest mode where that lies above the top of the count
                 dropped = max(top_hz, lowest_hz(pencil, factor))
-            pushed = clamped.sector.gathered(on_components(self.system.mass, clamped.shapes))
+            pushed = clamped.sector.restrict(on_components(self.system.mass, clamped.shapes))
             flexible = _left_out(pencil, modes.vectors, pushed, factor)
         shapes = np.hstack([clamped.shapes, clamped.sector.spread(modes.vectors)])
         return SymmetryClass(signs, clamped.basis, shapes, modes.frequency_hz, dropped, flexible)
@@ -242,7 +265,7 @@ class CellBuilder:
         system, interface = self.system, self.interface
         fixed = np.concatenate([part.fixed_hz for part in parts])
         places = self.places(parts)
-        side_by_side(self.projected, [part for part in parts if not part.turned])
+        parallel_map(self.projected, [part for part in parts if not part.turned])
         stiffness, mass, pillar = (np.zeros((places[0].shape[0],) * 2) for _ in range(3))
         for part, place in zip(parts, places, strict=True):
             for whole, own in zip((stiffness, mass, pillar), self.projected(part), strict=True):
@@ -266,7 +289,7 @@ class CellBuilder:
         )
 
     def _dropped(self, parts: list[SymmetryClass], places: list[FloatArray]) -> FloatArray:
-        """Cell.dropped, (boundary, boundary): what the modes left out of all symmetry classes answer together."""
+        """Cell.dropped, (boundary, boundary): the discarded modes of all symmetry classes together."""
         own = self.interface.count
         out = np.zeros((own, own))
         for part, place in zip(parts, places, strict=True):
@@ -288,7 +311,7 @@ class CellBuilder:
         return stiffness, mass, np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
 
     def places(self, parts: list[SymmetryClass]) -> list[FloatArray]:
-        """From each class's degrees of freedom to the cell's, (dof, m)."""
+        """Map from each class's degrees of freedom to the cell's, (dof, m)."""
         return places_of([part.basis for part in parts], [len(part.fixed_hz) for part in parts])
 
     def _mirrored(
@@ -307,7 +330,7 @@ class CellBuilder:
         return Expansion(points, matrix, facets=self._copied(local.reshape(facets.shape), len(used)), order=mesh.order)
 
     def _copied(self, facets: IntArray, nodes: int) -> IntArray:
-        """Facets (m, corners) on every mirror image of so many nodes."""
+        """Facets (m, corners) on every mirror image of `count` nodes."""
         return np.concatenate([facets + copy * nodes for copy in range(self.copies)])
 
     def _skin(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
@@ -370,7 +393,7 @@ def _left_out(pencil: PlainPencil, kept: FloatArray, pushed: FloatArray, factor:
     """R' K_II^-1 R, R the part of the loads M Psi (free, m) that no mode kept (free, k) answers to, (m, m).
 
     Loads and answers are projected, R = (1 - M Phi Phi') M Psi: the lowest mode of a slender rod is 1e8 times as flexible as
-    all modes left out together, and a difference of the two would be rounding.
+    all discarded modes together, and a difference of the two would be rounding.
     """
     heavy = pencil.apply_mass(kept)
     rest = pushed - heavy @ (kept.T @ pushed)

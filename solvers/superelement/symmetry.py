@@ -17,7 +17,7 @@ from solvers.superelement.cell import Cell
 # -- diagonal mirror ---------------------------------------------------------------------------------------------------
 # The mirror x <-> y of a square cell: which node is whose image, whether the body really is its own image, and its
 # halves.
-# What the mirror leaves alone and what it turns over do not mix: K and M fall into two blocks of half the size.
+# Fields that the mirror leaves alone and those it turns over do not mix: K and M fall into two blocks of half the size.
 
 SAME = 1e-9  # of the largest coordinate; of a force
 
@@ -55,7 +55,7 @@ def diagonal_image(mesh: AnyMesh) -> IntArray | None:
 
 
 def _in_order(nodes: FloatArray, others: FloatArray, step: float) -> IntArray:
-    """For each of the others, (n,), the node that has its place when both are sorted by coordinates rounded to a step."""
+    """Node at the place of each of the others, (n,), with both sorted by coordinates rounded to a step."""
     first, second = (np.lexsort(np.round(points / step).T) for points in (nodes, others))
     image = np.empty(len(nodes), dtype=np.int64)
     image[second] = first
@@ -113,7 +113,7 @@ class DiagonalSector:
         """F v at every node, (3n, k)."""
         return np.asarray(self.fold @ vectors)
 
-    def gathered(self, field: FloatArray) -> FloatArray:
+    def restrict(self, field: FloatArray) -> FloatArray:
         """F'w of fields (3n, k) that belong to this half."""
         return np.asarray(field[self.first] * self.members[:, None])
 

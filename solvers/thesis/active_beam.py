@@ -45,7 +45,7 @@ class FreeBeam:
         return np.asarray((self.mass_kg_m * checked_frequencies(omega) ** 2 / self.bending_n_m2) ** 0.25)
 
     def point_stiffness_n_m(self, omega: float) -> float:
-        """4 EI beta^3, N/m: what an endless beam opposes to a point force, up to a factor of modulus sqrt(2)."""
+        """4 EI beta^3, N/m: point stiffness of an infinite beam, up to a factor of modulus sqrt(2)."""
         return float(4.0 * self.bending_n_m2 * self.wavenumber_per_m(omega) ** 3)
 
     def natural_rad_s(self, modes: int) -> FloatArray:
@@ -64,7 +64,7 @@ class FreeBeam:
 
         EI (1 + s theta) w'''' + rho A s^2 w = delta(x - source), w'' = w''' = 0 at both ends. With p the two fourth roots
         of -rho A s^2/(EI (1 + s theta)) in the left half plane: w = sum of e^{p|x - source|}/(4 EI (1 + s theta) p^3) plus
-        what the ends send back, e^{p x} and e^{p (L - x)}; nothing overflows. SolverError for s = 0, for places off the
+        the reflections at the ends, e^{p x} and e^{p (L - x)}; nothing overflows. SolverError for s = 0, for places off the
         beam, at a lossless resonance. Source: graff1975.
         """
         x, sources, at = self._inside(x_m), self._inside(source_m), np.asarray(s, dtype=complex)
@@ -105,7 +105,7 @@ class FreeBeam:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where loops act and listen: points_m (p,), spread (p, loops) of a loop's signal over the points, pick (loops, p).
+    """Points where loops act and measure: points_m (p,), spread (p, loops) of a loop's signal over the points, pick (loops, p).
 
     Dual when pick is spread transposed: every loop then takes power out at any gain.
     """
@@ -117,7 +117,7 @@ class Layout:
 
     @property
     def dual(self) -> bool:
-        """True when what a loop senses is what its forces do work on."""
+        """True if a loop senses the motion that its forces do work on."""
         return bool(np.array_equal(self.pick, self.spread.T))
 
     @property
@@ -244,7 +244,7 @@ class LoopStability:
 
 @dataclass(frozen=True)
 class ActiveBeamStudy:
-    """Figures 3.5 to 3.8 computed, with what they leave out: forces, stability, sensitivity to gain and place.
+    """Figures 3.5 to 3.8 computed, with results that they omit: forces, stability, sensitivity to gain and place.
 
     open_m (frequencies, n): |w| without loops at x_m; sweeps hold rms inside over rms outside per layout.
     """
@@ -327,7 +327,7 @@ def forced(
     """Beam under 1 N at `source` with the loops closed: f = -(I + H C G B)^-1 H C g, H = j K'.
 
     gain_n_m is K' (0: open loop), complex where the loops answer late: K' e^{-j omega delay}.
-    SolverError for a gain that is not finite, a frequency not above 0, a lossless resonance hit exactly, a singular loop.
+    SolverError for a gain that is not finite, a frequency not above 0 or of a lossless resonance, a singular loop.
     """
     if not np.isfinite(gain_n_m):
         raise SolverError(f"gain K' = {gain_n_m:g} N/m: must be finite")
@@ -393,7 +393,7 @@ def highest_hz(beam: FreeBeam, layout: Layout, damper_n_s_m: float) -> float:
 def delay_margin_s(loci: Loci, damper_n_s_m: float) -> float:
     """Largest pure delay that the loop bears, s; inf without a crossing.
 
-    The least phase above -pi over omega where |c lambda| = 1. A loop that still exceeds 1 at the grid's end is refused.
+    The least phase above -pi over omega where |c lambda| = 1. A loop that still exceeds 1 at the grid's end is rejected.
     """
     size = damper_n_s_m * np.abs(loci.values)
     if np.any(size[-1] > 1.0):
@@ -447,7 +447,7 @@ def instability_gain_n_s_m(beam: FreeBeam, layout: Layout, high_n_s_m: float) ->
 def active_beam_study(data: ActiveBeamData | None = None) -> ActiveBeamStudy:
     """Closed-loop shapes, forces, stability and sensitivity of active pillars on a free-free strip.
 
-    SolverError for a zero gain, a frequency not above 0, a lossless resonance hit exactly.
+    SolverError for a zero gain, or a frequency not above 0 or of a lossless resonance.
     """
     data = ActiveBeamData() if data is None else data
     _check(data)
@@ -567,7 +567,7 @@ def _stability(data: ActiveBeamData, layout: Layout) -> LoopStability:
     filters = [delayed(delay) for delay in data.delays_s]
     filters.append(demodulated(omega, 1.0 / data.frequencies_hz[0]))
     margins: list[float | None]
-    if beam.viscosity_s == 0.0:  # endlessly many modes without losses: any delay drives some of them at any gain
+    if beam.viscosity_s == 0.0:  # infinitely many modes without losses: any delay drives some of them at any gain
         limits, margins = [(0.0, nan)] * len(filters), [0.0 if holds else None for holds in stable]
     else:
         loci = characteristic_loci(beam, layout, highest_hz(beam, layout, highest))

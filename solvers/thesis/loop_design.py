@@ -30,8 +30,8 @@ from solvers.control.loop import (
 from solvers.errors import SolverError
 
 # -- margins -----------------------------------------------------------------------------------------------------------
-# Poles and margins of the sampled dq loop, exact for the envelope model; what phase and gain error of the carrier it
-# bears.
+# Poles and margins of the sampled dq loop, exact for the envelope model, with the phase and gain errors of the
+# carrier that it tolerates.
 # z = e^{j Omega T} at the slow step's rate. The loop is complex when detuned: both signs of Omega are looked at.
 
 POINTS = 8000
@@ -39,7 +39,7 @@ POINTS = 8000
 
 @dataclass(frozen=True)
 class SampledLoop:
-    """Over envelope frequencies Omega (n,), rad/s, negative and positive: return ratio L at the plant's input, U/reference."""
+    """Return ratio L at the plant's input and U/reference over envelope frequencies Omega (n,), rad/s, of both signs."""
 
     omega_rad_s: FloatArray
     open_loop: ComplexArray
@@ -60,7 +60,7 @@ class Margins:
 
 
 def _coefficients(setup: Setup, gain_error: complex) -> tuple[complex, ...]:
-    """Over a period U' = a U + b V, in the middle of the window M = c U + e V, then V' = I - state M - feed V, I' = I - i M:
+    """Coefficients over a period: U' = a U + b V, mid-window M = c U + e V, then V' = I - state M - feed V, I' = I - i M:
     a, b, c, e, state, feed, i.
     """
     rates, truth, model, control = setup.rates, setup.modes[0], setup.model, Controller(setup)
@@ -98,10 +98,10 @@ def margins(setup: Setup) -> Margins:
     """Gain, phase and sensitivity of the sampled loop. SolverError when it is unstable to begin with."""
     poles = closed_loop_poles(setup)
     if not np.all(np.abs(poles) < 1.0):
-        raise SolverError(f"the loop is unstable: a pole of size {np.abs(poles).max():.3f} a step")
+        raise SolverError(f"the loop is unstable: a pole of modulus {np.abs(poles).max():.3f} per step")
 
     def edge(direction: complex, end: float) -> float:
-        """How far the plant's logarithm may go in a direction until the largest pole leaves the circle; inf if it does not."""
+        """Change of the plant's logarithm in a direction at which the largest pole leaves the circle; inf if it does not."""
 
         def growth(x: float) -> float:
             return float(np.abs(closed_loop_poles(setup, np.exp(x * direction))).max()) - 1.0
@@ -131,11 +131,11 @@ FIRMWARE_RESPONSE_S = 0.53e-3  # the time constant that the firmware plans with
 
 @dataclass(frozen=True)
 class DqData:
-    """What is controlled and how. The thesis states no identified values; ours follow its prototype: 31 kHz.
+    """The controlled mode and its controller. The thesis states no identified values; ours follow its prototype: 31 kHz.
 
     target, neighbours: velocity response of each mode, signal over drive in full scales; for sensor "displacement" their
-    gains are turned by -j. within_s: asked 95 % response. share: of G Vmax, the step asked for. delay_s: dead time beyond
-    the hold; delay_guess_s: what is known of delay and hold before identification; noise: rms of a sample.
+    gains are turned by -j. within_s: asked 95 % response. share: of G Vmax, the requested step. delay_s: dead time beyond
+    the hold; delay_guess_s: known part of delay and hold before identification; noise: rms of a sample.
     """
 
     target: ModePlant = field(default_factory=lambda: ModePlant.from_quality_factor(31_000.0, 300.0, 0.8))
@@ -154,7 +154,7 @@ class DqData:
 
     @property
     def latency_s(self) -> float:
-        """From a change of the reference to its drive at worst: a period's wait, the gap, a sample, the delay."""
+        """Longest time from a change of the reference to its drive, s: a period's wait, the gap, a sample, the delay."""
         samples = self.rates.period + self.rates.gap + 1
         return samples / self.rates.sample_rate_hz + self.delay_s
 
@@ -192,7 +192,7 @@ class Step:
 
 @dataclass(frozen=True)
 class DqStudy:
-    """Design, what the drive allows, the identified mode, margins and simulated steps.
+    """Design, limits of the drive, the identified mode, margins and simulated steps.
 
     pi: in continuous time; planned_s: the time constant to plan the sampled gains with so that the loop as it is simulated
     meets the asked time; steps: the asked one for each detuning, with the firmware's own constant, with neighbours; windups:
@@ -227,11 +227,11 @@ class DqStudy:
 
     @property
     def largest_share(self) -> float:
-        """Of the amplitude at full drive: the largest step that does not meet the limit, 1/(K_p G)."""
+        """Largest step without meeting the limit, as a share of the amplitude at full drive: 1/(K_p G)."""
         return 1.0 / (self.sampled.proportional * abs(self.identified.plant.gain))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plant, design, feasibility, identification, margins, steps and what the mode table carries of this."""
+        """Plant, design, feasibility, identification, margins, steps and the entries of the mode table."""
         data, plant, found = self.data, self.data.target, self.identified.to_dict()
         carried = {name: found[name] for name in ("frequency_hz", "tau_s", "gain", "delay_s")}
         return {
@@ -321,14 +321,14 @@ def _measured(data: DqData) -> Sweep:
     frequencies = np.linspace(f0 - SWEEP_WIDTHS * width, f0 + SWEEP_WIDTHS * width, SWEEP_POINTS)
     turn = 2j * pi * frequencies / data.rates.sample_rate_hz
     window = data.rates.period - data.rates.gap
-    noise = data.noise * 2.0 / window**0.5  # of a phasor fitted to so many samples, drive 1
+    noise = data.noise * 2.0 / window**0.5  # of a phasor fitted to this number of samples, drive 1
     modes = (data.target, *data.neighbours)
     sweep = noisy(sweep_of(modes, frequencies, data.sensor, data.delay_s, data.feedthrough), noise)
     return replace(sweep, response=sweep.response * (1.0 - np.exp(-turn)) / turn)
 
 
 def _setup(data: DqData, identified: Identified) -> Setup:
-    """The loop with the identified mode as what the controller knows."""
+    """The loop with the identified mode as the controller's model."""
     return Setup(
         modes=(_sensed(data.target, data.sensor),),
         known=identified.plant,

@@ -21,7 +21,7 @@ PINNED = 1e9  # s that stands for infinity: |t|^2 = 1/2 to a billionth
 SPAN = 2.0  # wavelengths shown on each side
 KINDS = (("spring", 1.0, 0), ("pinned", PINNED, 0), ("printed damper", -1j, 0), ("moment", -1.0, 1))
 
-DECAYS_DB = 0.01  # a row: below it a wave counts as passing
+DECAYS_DB = 0.01  # per row: below it a wave counts as passing
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class ScatteringCase:
 
 @dataclass(frozen=True)
 class PointForce:
-    """x over the wavelength (n,), and what a unit wave from the left becomes at each kind of point."""
+    """x over the wavelength (n,), and the scattering of a unit wave from the left at each kind of point."""
 
     x_over_wavelength: FloatArray
     cases: tuple[ScatteringCase, ...]
@@ -88,12 +88,12 @@ class PointForce:
 
 @dataclass(frozen=True)
 class PillarFilter:
-    """Over n frequencies: |t|^2 and |r|^2 of 1 ... rows pillars, shape (rows, n), decay of an endless row (n,), dB.
+    """Results over n frequencies: |t|^2 and |r|^2 of 1 ... rows pillars, shape (rows, n), decay of an infinite row (n,), dB.
 
     clamped_hz: the pillar on a rigid foot (Timoshenko); stopped_hz: where one pillar's moment lets nothing through;
     oscillator_stopped_hz: the same for a vertical oscillator of the pillar's mass and clamped frequency. bands_hz: the
-    widest stretch with |t|^2 <= 1/2 for 1 ... rows pillars; stop_hz: the widest in which the endless row lets no wave
-    through without losses (decay above 0.01 dB a row); None without any in the window.
+    widest stretch with |t|^2 <= 1/2 for 1 ... rows pillars; stop_hz: the widest in which the infinite row passes no wave
+    without losses (decay above 0.01 dB per row); None without any in the window.
     """
 
     frequencies_hz: FloatArray
@@ -174,7 +174,7 @@ def transfer_matrix(host_beam: HostBeam, foot: ComplexArray, pitch_m: float, ome
 
 
 def decay_db_per_row(host_beam: HostBeam, feet: ComplexArray, pitch_m: float, omega: ArrayLike) -> FloatArray:
-    """Decay in decibels per resonator of the least attenuated Bloch wave of an endless row, shape (n,).
+    """Decay in decibels per resonator of the least attenuated Bloch wave of an infinite row, shape (n,).
 
     The eigenvalues of T come in pairs lambda, 1/lambda whose sums follow from two traces: 20 log10 of the smaller outer one.
     """
@@ -207,7 +207,7 @@ def half_power_band(transmitted: FloatArray, omega: FloatArray) -> tuple[float, 
 
 
 def oscillator_total_reflection_rad_s(host_beam: HostBeam, mass_kg: float, resonance_rad_s: float) -> float:
-    """Where an undamped vertical oscillator lets nothing through: w^2 = w0^2 [1 + m beta(w)/(4 rho A)], above w0."""
+    """Frequency of an undamped vertical oscillator's total reflection: w^2 = w0^2 [1 + m beta(w)/(4 rho A)], above w0."""
     own = np.sqrt(resonance_rad_s)
     added = mass_kg * float(host_beam.wavenumber_per_m(resonance_rad_s)[0]) / (4.0 * host_beam.mass_kg_m)
     roots = np.roots([1.0, 0.0, 0.0, -added, -1.0])  # of sqrt(w/w0), as which beta grows; the largest is above 1
@@ -217,7 +217,7 @@ def oscillator_total_reflection_rad_s(host_beam: HostBeam, mass_kg: float, reson
 def moment_total_reflection_rad_s(
     host_beam: HostBeam, foot_of: Callable[[float], ComplexArray], clamped_rad_s: float
 ) -> float:
-    """Where a lossless pillar acting by its foot's moment lets nothing through: K_tt = -4 EI beta, below clamped_rad_s.
+    """Frequency of total reflection by a lossless pillar's foot moment: K_tt = -4 EI beta, below clamped_rad_s.
 
     K_tt falls from 0 to minus infinity as the frequency rises to the pillar's clamped resonance (Foster), so there is one.
     """

@@ -188,7 +188,7 @@ def _table(
 
 
 def check_beam(beam: PatchedBeam) -> None:
-    """SolverError for sizes that are not above 0, patches that overlap or overhang, unknown or loose ends."""
+    """Raise SolverError for sizes that are not above 0, patches that overlap or overhang, unknown or loose ends."""
     for name, value in vars(beam).items():
         if name.endswith("_m") and name != "centres_m":
             check_above_zero(f"beam: {name}", value)
@@ -294,8 +294,8 @@ class ShapedBeam:
     """A beam by name; table: points are 301 along the beam and then the sensors' places; calibration: its sensors' factors in
     m/V, as found on the mode `calibrated_on`, or None.
 
-    Signals: `calibrated`, the sensors' voltages times their factor, what a controller sees; `displacement`, what a laser
-    would see under them.
+    Signals: `calibrated`, the sensors' voltages times their factor, as a controller sees them; `displacement`, as a laser
+    would measure under them.
     """
 
     name: str
@@ -316,7 +316,7 @@ class ShapedBeam:
 
     @property
     def signals(self) -> tuple[Signal, ...]:
-        """The signals this beam has."""
+        """Signals of this beam."""
         return ("displacement",) if self.calibration is None else ("calibrated", "displacement")
 
     def matrix(self, frequency_hz: float, signal: Signal) -> ComplexArray:
@@ -332,7 +332,7 @@ class ShapedBeam:
         return field_matrix(self.table, frequency_hz)[:LINE]
 
     def free_wavelength_m(self, frequency_hz: float) -> float:
-        """Of a free wave on the bare beam, m."""
+        """Wavelength of a free wave on the bare beam, m."""
         _, _, bending, mass = section(self.beam, False)
         return free_wavelength_m(frequency_hz, bending, mass)
 
@@ -356,7 +356,7 @@ def pointed(name: str, beam: PatchedBeam, modes: int) -> ShapedBeam:
 
 
 def standing_wave(places: ModalTable, mode: int) -> Iterator[ComplexArray]:
-    """What laser and sensors show at a mode's frequency, 1 to 10 V on the actuator that drives it most."""
+    """Readings of laser and sensors at a mode's frequency, 1 to 10 V on the actuator that drives it most."""
     actuator, frequency = int(np.argmax(np.abs(places.actuators[mode]))), float(places.frequencies_hz[mode])
     for matrix in (field_matrix, sensor_matrix):
         yield np.linspace(1.0, 10.0, 10)[:, None] * matrix(places, frequency)[:, actuator]

@@ -54,11 +54,11 @@ from solvers.thesis.shaped_beam import (
 )
 
 TARGETS = {"in phase": False, "alternating": True}
-NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the travelling wave is evaluated
+NEAR_FIELD = 0.1  # remaining part of the ends' near field, e^{-kx}, where the travelling wave is evaluated
 MICROMETRE = 1e-6
 
 ASSUMPTIONS = (
-    "patches: Pz26, each actuator in the middle of an equal share of the beam, its two sensor strips beside it as one sensor",
+    "patches: Pz26, each actuator in the middle of an equal share of the beam, its sensor strips on either side as one",
     "quality factor 50 for every mode; perfect clamps; layered Euler-Bernoulli beam, extension without inertia",
     "sensors open; voltages positive when they stretch a patch; 20 modes and the static residual of the others",
     "point beams: the same bare beams with point forces and deflection sensors, without residual, as the text simulates them",
@@ -73,7 +73,7 @@ SCANNED = 221  # frequencies of the conditioning scan
 
 @dataclass(frozen=True)
 class Confinement:
-    """A region asked for at its two sensors and zero at the others: ratios of the whole field, and what it takes.
+    """A target of one region at its two sensors and zero at the others: ratios of the whole field, and the voltages.
 
     volts_per_um: largest voltage for 1 um asked; beyond_to_inside: largest voltage of the actuators outside the region over
     those inside; limited_*: the same 1 um with the voltage limit kept. best_*: the largest contrast of any voltages.
@@ -116,10 +116,10 @@ class Travelling:
 
 @dataclass(frozen=True)
 class ShapingData:
-    """What is computed and with what. The thesis gives the beams, the patches' sizes, 2.2 and 2.4 kHz and 5.9 to 7.4 cm.
+    """Data of the study. The thesis gives the beams, the patches' sizes, 2.2 and 2.4 kHz and 5.9 to 7.4 cm.
 
     calibrate_near_hz: the standing wave for the sensors; wavelengths_m: first, last, number; limit_v: a half-bridge's
-    amplitude; errors: standard deviations; oscillator_kg: mass of each resonator beside the middle third.
+    amplitude; errors: standard deviations; oscillator_kg: mass of each resonator next to the middle third.
     """
 
     beam: PatchedBeam = field(default_factory=PatchedBeam)
@@ -201,7 +201,7 @@ def polar(values: ComplexArray | complex) -> dict[str, Any]:
 def sweep(
     model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """TWR by amplitudes and by the two-wave fit, (n,) each, for waves of n lengths asked for at the sensors."""
+    """TWR by amplitudes and by the two-wave fit, (n,) each, for waves of n lengths requested at the sensors."""
     k = 2.0 * pi / model.free_wavelength_m(frequency_hz)
     inside = inner_window(model.line_m, *travel_window(model, frequency_hz))
     x, field, matrix = model.line_m[inside], model.field(frequency_hz)[inside], model.matrix(frequency_hz, signal)
@@ -233,7 +233,7 @@ def travel(model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m
 def error_trials(
     model: ShapedBeam, signal: Signal, frequency_hz: float, wavelength_m: float, errors: Errors
 ) -> dict[str, FloatArray]:
-    """What measurement errors do to the left region and to a wave of one length, trial by trial (n,): the region's peak ratio,
+    """Effect of measurement errors on the left region and a wave of one length, by trial (n,): the region's peak ratio,
     the wave's TWR, the pattern's error.
     """
     matrix, field = model.matrix(frequency_hz, signal), model.field(frequency_hz)
@@ -247,7 +247,7 @@ def error_trials(
 
 
 def travel_window(model: ShapedBeam, frequency_hz: float) -> tuple[float, float]:
-    """Where the ends' near field has fallen to a tenth, at most up to 0.4 and from 0.6 of the length, m."""
+    """Window without the ends' near fields (fallen to a tenth), at most up to 0.4 and from 0.6 of the length, m."""
     margin = min(-log(NEAR_FIELD) / (2.0 * pi) * model.free_wavelength_m(frequency_hz), 0.4 * model.beam.length_m)
     return margin, model.beam.length_m - margin
 
@@ -319,8 +319,8 @@ def bare_modes_hz(beam: PatchedBeam, count: int) -> FloatArray:
 
 
 def choices(data: ShapingData, frequency_hz: float) -> tuple[dict[str, Any], ...]:
-    """What pitches of 1/6, 1/6.5 and 1/7 of the length and Q of 20, 50 and 200 give on the long beam: conditioning of T by
-    signal, and the largest TWR of waves asked for in displacement.
+    """Effect of pitches of 1/6, 1/6.5 and 1/7 of the length and Q of 20, 50 and 200 on the long beam: conditioning of T by
+    signal, and the largest TWR of waves requested in displacement.
     """
     length, wavelengths, out = data.beam.length_m, np.linspace(*data.wavelengths_m), []
     for pitch, quality_factor in product((length / share for share in (6.0, 6.5, 7.0)), (20.0, 50.0, 200.0)):

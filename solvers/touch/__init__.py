@@ -1,1 +1,1 @@
-"""A fingertip on a driven plate: what it leaves of the motion, what it feels, what the patches draw."""
+"""A fingertip on a driven plate: the motion under it, the friction it feels, and the power of the patches."""

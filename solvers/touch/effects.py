@@ -1,4 +1,4 @@
-"""What a finger does and feels: the target mode under it, the same finger at every place of the face, and friction.
+"""Effects of a finger: the target mode under it, the finger at every place of the face, and friction.
 
 With the contact's moments u_f = g q + R f and f = -D u_f, the modes' coordinates q obey N(lambda) q = 0,
 N = Lambda (1 + i/Q) - lambda + g' T g, T = (1 + D R)^-1 D, all at the complex lambda = omega^2. Loss is uniform,
@@ -31,7 +31,7 @@ from solvers.superelement.plate import WHOLE
 from solvers.touch import touched_plate
 from solvers.touch.touched_plate import TouchedPlate, rms, with_loads
 
-PASSES, STEPS = 30, 12  # of the linearised problem, of inverse iteration
+PASSES, STEPS = 30, 12  # steps: of the linearised problem, of inverse iteration
 NEAR, SETTLED = 1e-4, 1e-12  # relative change of an eigenvalue between them
 
 COPIES = 6  # of a group's loads that are held at once: loads, residual vectors, slopes, and the three stacked
@@ -39,9 +39,9 @@ COPIES = 6  # of a group's loads that are held at once: loads, residual vectors,
 PRESSURE_PA = 101325.0
 VISCOSITY_PA_S = 1.81e-5  # of air at 20 C
 FREE_PATH_M = 68e-9  # of its molecules at 1 atm
-MIN_SQUEEZE_NUMBER = 10.0  # below it air escapes at the rim within a period
-MAX_KNUDSEN = 0.1  # above it the film is no continuum
-MAX_WAVE_SHARE = 0.5  # of a wave, the widest contact that crests and troughs do not share
+MIN_SQUEEZE_NUMBER = 10.0  # below it, air escapes at the rim within a period
+MAX_KNUDSEN = 0.1  # above it the film is not a continuum
+MAX_WAVE_SHARE = 0.5  # of a wavelength: widest contact that does not span crests and troughs
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class LoadedMode:
 
     @property
     def added_loss(self) -> float:
-        """What the finger adds to 1/Q."""
+        """Increase of 1/Q by the finger."""
         return self.loss - self.free_loss
 
 
@@ -109,14 +109,14 @@ class _Problem:
         return finger.dynamic_stiffness(omega / (2.0 * np.pi)), slope
 
     def _residual(self, value: complex) -> tuple[ComplexArray, ComplexArray]:
-        """What modes beyond the band add to the receptance, damped as the others, and its derivative."""
+        """Part of the modes beyond the band in the receptance, damped as the others, and its derivative."""
         inverse, gain = 1.0 / (self.beyond - value), self.beyond_gain
         residual, slope = (self.unit * gain.T @ (each[:, None] * gain) for each in (inverse, inverse**2))
         missing = self.touched.missing
         return residual if missing is None else residual + missing, slope
 
     def shares(self, values: ComplexArray, vectors: ComplexArray, row: int) -> FloatArray:
-        """Share of a free mode in motions (modes, k) at eigenvalues (k,), of 1, with what they move beyond the band."""
+        """Share of a free mode in motions (modes, k) at eigenvalues (k,), of 1, including their motion beyond the band."""
         out = np.empty(len(values))
         for place, (value, vector) in enumerate(zip(values, vectors.T, strict=True)):
             stiffness, _ = self._finger(value)
@@ -144,10 +144,10 @@ class _Problem:
 
 @dataclass(frozen=True)
 class TouchMap:
-    """Over a grid of places x_m (nx,), y_m (ny,): rms of u_z over the contact, m per volt of drive, free and touched, (nx, ny).
+    """Results on a grid of places x_m (nx,), y_m (ny,): rms of u_z over the contact, m per volt, free and touched, (nx, ny).
 
-    field: the free plate's u_z at the places, complex; sensor_v: what each listening patch gives per volt, (nx, ny, sensors).
-    under: the touched plate's mean u_z over the contact, slope_change: what the finger adds to its slope along x, complex.
+    field: the free plate's u_z at the places, complex; sensor_v: sensor voltages per volt of drive, (nx, ny, sensors).
+    under: the touched plate's mean u_z over the contact, slope_change: change of its slope along x by the finger, complex.
     """
 
     frequency_hz: float
@@ -176,7 +176,7 @@ class Lattice:
 
     @property
     def reach(self) -> int:
-        """Steps from a contact's middle to its outermost point: so many lines of points at each end carry no middle."""
+        """Steps from a contact's middle to its outermost point: this number of lines at each end carries no middle."""
         return int(self.steps.max())
 
     @property
@@ -187,7 +187,7 @@ class Lattice:
 
     @property
     def points_m(self) -> FloatArray:
-        """All of them, (nx ny, 2), y fastest."""
+        """All points of the lattice, (nx ny, 2), y fastest."""
         grid = np.meshgrid(self.spacing_m * self.along, self.spacing_m * self.across, indexing="ij")
         return np.stack(grid, axis=-1).reshape(-1, 2)
 
@@ -217,7 +217,7 @@ class Places:
 
     @classmethod
     def of(cls, touched: TouchedPlate, points: Lattice, frequency_hz: float) -> Places:
-        """Of a plate's own modes and of the residual vectors of all points."""
+        """Places from a plate's own modes and the residual vectors of all points."""
         receptance = lattice_receptance(touched, points.points_m, frequency_hz)
         count, unit = len(touched.plate.patches), touched.plate.stiffness_unit
         gains = [
@@ -249,7 +249,7 @@ class Places:
         return np.hstack([patches, count + np.array(contacts)]), np.append(np.ones(count), np.sqrt(self.points.weights))
 
     def map(self) -> TouchMap:
-        """Every place; a finger of nothing leaves the free plate's motion."""
+        """Map over every place; a finger without impedance leaves the free plate's motion."""
         touched, points, receptance = self.touched, self.points, self.receptance
         count, stiffness = len(touched.plate.patches), touched.finger.dynamic_stiffness(self.frequency_hz)
         free = touched.patch_volts(lambda: receptance[:count, :count])
@@ -273,7 +273,7 @@ class Places:
 
 
 class OutOfValidity(SolverError):
-    """The relation does not hold there: the text says which limit is broken, and by what."""
+    """Raised outside the range of the relation; the message gives the limit and the value that breaks it."""
 
 
 @dataclass(frozen=True)
@@ -294,11 +294,11 @@ class SqueezeFilm:
         return PRESSURE_PA * pi * self.radius_m**2 * (sqrt((1.0 + 1.5 * share) / (1.0 - share)) - 1.0)
 
     def friction_ratio(self, amplitude_m: float, frequency_hz: float) -> float:
-        """mu over mu of the plate at rest, from 0 to 1, for a peak amplitude; OutOfValidity where the relation says nothing."""
+        """mu over mu of the plate at rest, from 0 to 1, for a peak amplitude; OutOfValidity outside the relation's range."""
         gap = f"a gap of {1e6 * self.gap_m:.3g} um"
         if MAX_KNUDSEN * self.gap_m < FREE_PATH_M:
             raise OutOfValidity(
-                f"{gap} is no continuum of air: it must be above {1e6 * FREE_PATH_M / MAX_KNUDSEN:.2g} um"
+                f"{gap} is not a continuum of air: it must be above {1e6 * FREE_PATH_M / MAX_KNUDSEN:.2g} um"
             )
         number = self.squeeze_number(frequency_hz)
         if number < MIN_SQUEEZE_NUMBER:
@@ -311,14 +311,14 @@ class SqueezeFilm:
         if lift > self.force_n:
             raise OutOfValidity(
                 f"at an amplitude of {1e6 * amplitude_m:.3g} um {gap} would carry {lift:.3g} N, more than the finger's "
-                f"{self.force_n:g} N: it floats, and the gap is not the given one"
+                f"{self.force_n:g} N: the finger floats, and the gap differs from the given one"
             )
         return 1.0 - lift / self.force_n
 
 
 @dataclass(frozen=True)
 class CrestMotion:
-    """How the face moves along x under contacts, (nx, ny): at the crest, signed, and at most within a period, m/s."""
+    """Motion of the face along x under contacts, (nx, ny): at the crest, signed, and at most within a period, m/s."""
 
     crest_m_s: FloatArray
     most_m_s: FloatArray
@@ -330,10 +330,10 @@ class CrestMotion:
 
 
 def loaded_mode(touched: TouchedPlate, start: LoadedMode | None = None, slopes: bool = True) -> LoadedMode | None:
-    """The target mode under the finger, from that of a plate hardly different where it is known; None when the band holds
+    """The target mode under the finger, from that of a similar plate if known; None when the band holds
     none, or the finger leaves none among the modes about it.
 
-    slopes: with the slopes of the residual vectors; without them R matches two terms, and what changes bounds what four miss.
+    slopes: with the slopes of the residual vectors. Without them R matches two terms, and the change bounds the error of four.
     """
     free_hz, row = touched.free.target_hz(), touched.target_row
     if free_hz is None or row is None:
@@ -398,7 +398,7 @@ def lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz
 
 
 def crest_motion(along_m: ComplexArray, normal_m: ComplexArray, frequency_hz: float) -> CrestMotion:
-    """From amplitudes u_x and u_z (nx, ny) in m, time convention e^{+j omega t}; 0 where nothing moves."""
+    """Crest motion from amplitudes u_x and u_z (nx, ny) in m, time convention e^{+j omega t}; 0 where nothing moves."""
     omega, size = 2.0 * pi * frequency_hz, np.abs(normal_m)
     turning = (along_m * normal_m.conj()).imag
     crest = np.divide(turning, size, out=np.zeros_like(size), where=size > 0.0)
@@ -431,7 +431,7 @@ def drive_share(load: float, lag: float = 0.0) -> float:
 
 
 def _likeliest(problem: _Problem, row: int, low: float, high: float) -> tuple[complex, ComplexArray] | None:
-    """Among eigenvalues between two the one whose vector holds most of a mode, to NEAR."""
+    """Eigenvalue between two limits whose vector holds most of a mode, to NEAR."""
     value = complex(problem.own[row])
     for _ in range(PASSES):
         matrix, slope = problem.at(value)

@@ -1,4 +1,4 @@
-"""A driven plate under a fingertip: its motion with the contact's pressure, the power, and what its reduced panels lack."""
+"""A driven plate under a fingertip: its motion with the contact's pressure, the power, and the static correction."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from solvers.fem.factor import Factoriser
 from solvers.fem.solid import constrain, free_mask
 from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, grid_weights, positive_part
 from solvers.piezo.forced import ForcedPlate, GroupModes, residual_vectors
-from solvers.piezo.patch import Beneath
+from solvers.piezo.patch import StaticCorrection
 from solvers.piezo.patched_plate import Group
 from solvers.piezo.responses import face_motion
 from solvers.plates.assembled import Reductions
@@ -38,7 +38,7 @@ from solvers.superelement.plate import AssembledPlate
 # sum |c_j|^2 as soon as their degree follows u. A wave number k on a radius R leaves (k R/2)^(n+1)/(n+1)! beyond
 # degree n, the leading term of the Bessel function J_(n+1)(k R) in the expansion of a plane wave (noll1976).
 
-ENOUGH = 1e-3  # of the motion, what the degree may miss: a frequency or a loss then misses its square
+ENOUGH = 1e-3  # of the motion: what the degree may miss; the error of a frequency or a loss is then its square
 DEGREES = (4, 16)  # at least and at most
 STEPS = (2, 6)  # of a map's lattice over a radius, at least and at most
 RULE_ENOUGH = 1e-2  # of a map's mean over a contact
@@ -53,7 +53,7 @@ def degree_of(wavenumber_radius: float, enough: float = ENOUGH) -> int:
 
 
 def left_beyond(wavenumber_radius: float, degree: int) -> float:
-    """Share of a plane wave that polynomials up to a degree miss over the disk."""
+    """Share of a plane wave over the disk that polynomials up to a degree miss."""
     return (wavenumber_radius / 2.0) ** (degree + 1) / factorial(degree + 1)
 
 
@@ -79,7 +79,7 @@ def disk_means(degree: int, finer: int = 0) -> tuple[FloatArray, FloatArray]:
     """Points (p, 2) of the unit disk and the weights (m, p) that give the means of u Z_j from u at them.
 
     A Gauss rule along the squared radius times even angles, exact to three times the degree and more. A mesh's field has kinks:
-    `finer` further points along each show what they leave.
+    `finer` further points along each estimate the remaining error.
     """
     along, around = max(24, 2 * degree) + finer, max(72, 4 * degree + 1) + finer
     nodes, shares = roots_legendre(along)
@@ -151,7 +151,7 @@ class Finger:
 
     @property
     def area_m2(self) -> float:
-        """Of the contact."""
+        """Area of the contact, m2."""
         return pi * self.radius_m**2
 
     def rows(self, group: Group, finer: int = 0) -> FloatArray:
@@ -175,7 +175,7 @@ class Finger:
         return float(((inertia + abs(self.dynamic_stiffness(frequency_hz)) / self.area_m2) / bending) ** 0.25)
 
     def following(self, design: Design, frequency_hz: float) -> Finger:
-        """The same finger with the degree that the plate's waves up to a frequency need."""
+        """Return the finger with the degree that the plate's waves up to a frequency need."""
         reach = self.radius_m * self.wavenumber_per_m(design, frequency_hz)
         return replace(self, degree=degree_of(reach))
 
@@ -188,8 +188,8 @@ class TouchedPlate(ForcedPlate):
 
     missing: flexibility under the contact in addition to that of modes and residual vectors, (moments, moments) in m/N.
 
-    beyond: Ritz modes of the residual vectors, eigenvalues and gains a group, with slopes or without: as soon as asked for, and
-    the same on plates within the bars.
+    beyond: Ritz modes of the residual vectors, eigenvalues and gains per group, with slopes or without: computed on demand, and
+    the same on plates within the error bars.
     """
 
     missing: FloatArray | None = None
@@ -219,7 +219,7 @@ class TouchedPlate(ForcedPlate):
             if basis.group.plates is plates:
                 return before + place[1]
             before += len(basis.frequency_hz)
-        raise SolverError("the target mode is in no group of the touched plate")
+        raise SolverError("no group of the touched plate holds the target mode")
 
     @cached_property
     def contact_rows(self) -> list[FloatArray]:
@@ -230,7 +230,7 @@ class TouchedPlate(ForcedPlate):
         return [self.finger.rows(basis.group) @ basis.columns for basis in self.modes]
 
     def lesser(self, degree: int) -> Self:
-        """The same with the finger's moments up to a lower degree only: what those beyond it are worth is the difference."""
+        """Return the plate with the finger's moments up to a lower degree only, to measure the effect of the others."""
         other = copy(self)
         other.finger, other.beyond = replace(self.finger, degree=degree), {}
         for name in ("contact_rows", "grams", "_touched"):
@@ -241,7 +241,7 @@ class TouchedPlate(ForcedPlate):
         return other
 
     def stiffer(self, factor: float) -> Self:
-        """The same with so many times the finger's impedance."""
+        """Return the plate with the finger's impedance multiplied by a factor."""
         other = copy(self)
         tip = self.finger.tip
         names = ("stiffness_n_m", "damping_n_s_m", "mass_kg", "specific_n_s_m3")
@@ -250,7 +250,7 @@ class TouchedPlate(ForcedPlate):
         return other
 
     def softer(self, missing: FloatArray) -> Self:
-        """The same with more flexibility under the finger, (moments, moments) in m/N."""
+        """Return the plate with additional flexibility under the finger, (moments, moments) in m/N."""
         other = copy(self)
         other.missing = missing
         return other
@@ -272,7 +272,7 @@ class TouchedPlate(ForcedPlate):
         return self.loads_of(self.receptance(eigenvalues), stiffness)
 
     def loads_of(self, receptance: ComplexArray, stiffness_n_m: complex | ComplexArray) -> ComplexArray:
-        """The same from receptances (..., p + f, p + f) of patches and moments and the contact's dynamic stiffness (...)."""
+        """Loads from receptances (..., p + f, p + f) of patches and moments and the contact's dynamic stiffness (...)."""
         count, stiffness = len(self.plate.patches), np.asarray(stiffness_n_m)[..., None, None]
         charge, moved = receptance[..., :count, :count], receptance[..., count:, :count]
         own = np.eye(moved.shape[-2]) + stiffness * receptance[..., count:, count:]
@@ -296,7 +296,7 @@ def rms(moments: ComplexArray) -> float:
 
 
 def integration_error(plate: TouchedPlate, frequency_hz: float) -> float:
-    """Relative error of the motion's moments over the contact at a frequency: what the rule of points and the polynomials miss.
+    """Relative error of the motion's moments over the contact at a frequency, due to the rule of points and the polynomials.
 
     The kinks of a coarse mesh's field lie beyond every degree.
     """
@@ -364,7 +364,7 @@ class Power:
 
     @property
     def drawn_w(self) -> float | None:
-        """What a supply gives that gets reactive power back."""
+        """Power drawn from a supply that recovers the reactive power, W."""
         return None if self.dielectric_w is None else self.patches_w + self.dielectric_w
 
 
@@ -394,15 +394,15 @@ def power(touched: TouchedPlate, frequency_hz: float, loss_tangent: float | None
 
 
 # -- flexibility that reduced panels lack ------------------------------------------------------------------------------
-# Static flexibility under a finger that the plate's reduced panels lack: their bar, as no mode beyond the band shows
-# it.
+# Static flexibility under a finger that the plate's reduced panels lack. It is their error bar, since no mode beyond the
+# band shows it.
 # F = N K^-1 N' - E K_r^-1 E': moments of u_z over the contact per moment of its pressure, on a mesh of the panels
 # under it, less the same of their reduced matrices, both with the border around these panels clamped (macneal1971).
 
 MESH = HexSettings(order=3, layers=0, through=2)
 
 
-def missing_flexibility(plate: AssembledPlate, beneath: Beneath, finger: Finger) -> FloatArray | None:
+def missing_flexibility(plate: AssembledPlate, beneath: StaticCorrection, finger: Finger) -> FloatArray | None:
     """F of a finger's moments on a plate, (moments, moments) in m/N, its positive part; None where no mesh of hexahedra has
     the panels' pillars or the factorisation is too large.
     """

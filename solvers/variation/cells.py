@@ -28,8 +28,8 @@ from solvers.superelement.reduction import CellBuilder, ClampedBoundaryClass, Co
 # inverse iteration there on the unmoved mesh's fixed-interface modes, node by node, made orthonormal: modes of their
 # own but for the second order, and smooth in p whatever modes cross. K_r(p) and M_r(p) are interpolated between such
 # reductions by quadratic Lagrange polynomials on {-reach, 0, reach}: height and side together, each coordinate of the
-# foot for itself, and the products of a coordinate with every other parameter from the one reduction where both are a
-# reach off. A further reduction of a pillar that is off in every way at once tells what this misses.
+# foot for itself, and the products of a coordinate with every other parameter from a single reduction with both one
+# reach away. A further reduction of a pillar with all deviations at once shows the remaining error.
 
 HEIGHT, SIDE, X, Y = range(4)  # the parameters of a pillar, m
 CHECKED = 2.0 / 3.0  # of the reach of every parameter: where interpolation is compared with a reduction
@@ -39,7 +39,7 @@ Pair = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class CellFamily:
-    """A cell and what K_r and M_r change by at the nodes of the interpolation, in the cell's degrees of freedom and scale.
+    """A cell and the changes of its K_r and M_r at the nodes of the interpolation, in the cell's degrees of freedom and scale.
 
     reach_m (4,): how far height, side, x and y go from the nominal pillar on either side; 0 where nothing varies. missed: what
     a reduction at `checked_m` has more than is interpolated there, of K_r and of M_r.
@@ -54,7 +54,7 @@ class CellFamily:
 
     @property
     def checked_m(self) -> FloatArray:
-        """The pillar whose reduction was compared with what is interpolated, (4,) m from the nominal one."""
+        """The pillar whose reduction was compared with the interpolation, (4,) m from the nominal one."""
         return CHECKED * self.reach_m
 
     def weights(self, change_m: FloatArray) -> FloatArray:
@@ -63,7 +63,7 @@ class CellFamily:
         t = np.asarray(change_m) / reach
         if (np.abs(t) > 1.0 + 1e-9).any() or (np.asarray(change_m)[..., self.reach_m == 0.0] != 0.0).any():
             raise SolverError(
-                f"a pillar differs by {change_m} m from the nominal one: interpolated up to {self.reach_m}"
+                f"a pillar differs by {change_m} m from the nominal one: interpolation reaches {self.reach_m}"
             )
         lagrange = {-1: t * (t - 1.0) / 2.0, 0: 1.0 - t * t, 1: t * (t + 1.0) / 2.0}
         columns = []
@@ -102,7 +102,7 @@ def is_product(node: Node) -> bool:
 
 
 def _node(ones: Sequence[int]) -> Node:
-    """The node one reach off in these parameters."""
+    """The node one reach away in these parameters."""
     a, b, c, d = (int(axis in ones) for axis in range(4))
     return a, b, c, d
 
@@ -113,7 +113,7 @@ def cell_family(
     """Reduce a panel at every node. SolverError for a pillar that cannot grow as a whole, MeshError for one that reaches out of
     its panel.
 
-    `coarser` takes the mesh's error from the nominal cell; what varies keeps that of its mesh, which it hardly changes.
+    `coarser` corrects the nominal cell's discretisation error; its small change with the pillar is neglected.
     """
     pillar = reductions.pillar_of(panel)
     if pillar is None or not pillar.is_plain or panel.foot is None:
@@ -242,13 +242,13 @@ def _prolonged_modes(
 ) -> FloatArray:
     """K_II^-1 M_II Phi_0 Lambda_0 at every node, (3n, m)."""
     heavy = on_components(build.system.mass, fixed * eigenvalue)
-    return clamped.sector.spread(clamped.factor.solve(clamped.sector.gathered(heavy)))
+    return clamped.sector.spread(clamped.factor.solve(clamped.sector.restrict(heavy)))
 
 
 def _orthonormal(gram: FloatArray, eigenvalue: FloatArray) -> FloatArray:
-    """What makes modes of this Gram matrix orthonormal, each of those below it: L^-T of G = L L^T in the order of eigenvalues.
+    """Transform to orthonormal modes from their Gram matrix, each cleared of those below: L^-T of G = L L^T, ascending.
 
-    Inverse iteration swells what a mode has of those below it and shrinks what it has of those above: lower ones stay clean.
+    Inverse iteration amplifies a mode's part in those below it and damps that in those above: lower ones stay clean.
     """
     upwards = np.argsort(eigenvalue, kind="stable")
     sorted_in = np.ix_(upwards, upwards)
@@ -258,12 +258,12 @@ def _orthonormal(gram: FloatArray, eigenvalue: FloatArray) -> FloatArray:
 
 
 # -- reductions of a plate ---------------------------------------------------------------------------------------------
-# Reductions of a plate whose pillars differ: a family for each kind of panel with a pillar, bare panels as ever.
+# Reductions of a plate whose pillars differ: a family for each kind of panel with a pillar, bare panels unchanged.
 
 
 @dataclass
 class VariedReductions(Reductions):
-    """reach_m: how far a pillar's height, side, x and y may go from nominal; `families` fills as panels are asked for."""
+    """reach_m: how far a pillar's height, side, x and y may go from nominal; `families` fills as panels are needed."""
 
     reach_m: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     parametric_cache: Cache[CellFamily] | None = None

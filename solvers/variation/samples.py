@@ -21,9 +21,8 @@ from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, quadratic, rms,
 from solvers.variation.cells import CellFamily
 
 # -- plate on few motions ----------------------------------------------------------------------------------------------
-# A driven plate on few motions: its modes about the band and its answers to the loads, changed by what is added to K
-# and M.
-# Rayleigh-Ritz: frequencies err by the square of what a mode of the changed plate lacks of those motions, fields by
+# A driven plate on few motions: its modes about the band and its answers to the loads, for changed K and M.
+# Rayleigh-Ritz: frequencies err by the square of the part of a changed plate's mode outside those motions, fields by
 # that itself; shapes that the changes bring (`derivative_shapes`) make both small. The response follows by
 # superposition.
 
@@ -52,14 +51,14 @@ class PlateSpace:
         self._static = [_static(own, basis, extra) for own, (basis, extra) in zip(self.bases, raw, strict=True)]
 
     def is_wider(self, band_hz: tuple[float, float]) -> bool:
-        """Whether it has modes that do not lie between two frequencies."""
+        """Whether it has modes outside two frequencies."""
         tones = np.concatenate([basis.frequency_hz for basis in self.bases])
         return bool(((tones <= band_hz[0]) | (tones >= band_hz[1])).any())
 
     def within(self, band_hz: tuple[float, float]) -> FloatArray:
         """The space that modes between two frequencies and the static answers alone would span, (n, m) in this one.
 
-        Answers hold what the modes left out bring at rest, as they would if those had never been solved.
+        Answers hold the discarded modes' part at rest, as they would if those had never been solved.
         """
         parts = []
         for basis, static in zip(self.bases, self._static, strict=True):
@@ -152,8 +151,8 @@ class ChangedPlate:
 
     @property
     def tracked(self) -> Verdict:
-        """Which mode the nominal plate's target mode has become (`solvers.measures.target_mode`): that which holds most of it,
-        among those of its shape in the zone. Others of that shape, and what the answers to the loads add, hold none of it.
+        """Mode that the nominal plate's target mode has become (`solvers.measures.target_mode`): that with most of it,
+        among those of its shape in the zone. Others of that shape, and the answers to the loads, hold none of it.
         """
         inside, outside = np.diag(self.inside), np.diag(self.outside)
         share = inside / np.maximum(inside + outside, 1e-300)
@@ -185,8 +184,8 @@ class ChangedPlate:
 
 
 # -- shapes that changes bring -----------------------------------------------------------------------------------------
-# How the target mode's field changes with each pillar: static answers to what a changed cell pulls at it.
-# Of K u = l M u a change dK, dM of one cell gives du = -(K - l M)^-1 (dK - l dM) u beside u itself: a field about
+# Change of the target mode's field with each pillar: static answers to the forces of a changed cell.
+# In K u = l M u a change dK, dM of one cell adds du = -(K - l M)^-1 (dK - l dM) u to u: a field about
 # that cell, of modes far beyond any band. In a space of modes alone frequencies err in second order, fields and
 # levels in first (fox1968).
 
@@ -245,7 +244,7 @@ def _pulls(basis: GroupModes, index: int, families: Mapping[Signature, CellFamil
 
 
 def _answers(basis: GroupModes, pulls: Pulls, value: float) -> FloatArray:
-    """What a group's classes answer, each class by itself, as few fields as hold all of them."""
+    """Answers of a group's classes, class by class, in as few fields as span them."""
     pencil, starts = basis.group.pencil, np.cumsum([0, *(plate.dof for plate in basis.group.plates)])
     plates = list(zip(starts, basis.group.plates, strict=False))
     loads = np.zeros((pencil.dof, len(plates) * sum(forces.shape[1] for _, forces in pulls)))
@@ -273,8 +272,8 @@ def _answers(basis: GroupModes, pulls: Pulls, value: float) -> FloatArray:
 # K = K_0 + sum over pillars of the change of its cell, alike M, both projected on the nominal plate's modes about the
 # band, of every symmetry class, its answers to the patches and to each pillar's change.
 
-CUT = 3.0  # standard deviations: a part beyond is no part of the batch
-ENERGY = 1e-14  # of the largest: what a cell's motions leave out, square of 1e-7 of an amplitude
+CUT = 3.0  # standard deviations: a pillar beyond is not in the batch
+ENERGY = 1e-14  # of the largest: neglected part of a cell's motions, square of 1e-7 of an amplitude
 
 
 @dataclass(frozen=True)
@@ -292,7 +291,7 @@ class Deviations:
 
     @property
     def reach_m(self) -> tuple[float, float, float, float]:
-        """What no pillar exceeds."""
+        """Largest deviation per parameter, m."""
         height, side, x, y = (float(CUT * size) for size in self.sizes_m)
         return height, side, x, y
 
@@ -306,7 +305,7 @@ class Deviations:
 
 @dataclass(frozen=True)
 class _Kind:
-    """Pillars of one kind of cell: numbers (p,), signs (p, 4) of what they deviate by, motions (p, r, columns).
+    """Pillars of one kind of cell: numbers (p,), signs (p, 4) of their deviations, motions (p, r, columns).
 
     stiffness, mass: the cell's changes at the nodes of its family, (nodes, r, r); missed: of both, (r, r), as the family's.
     """
@@ -320,14 +319,14 @@ class _Kind:
     missed: tuple[FloatArray, FloatArray]
 
     def changes(self, change_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What K and M of each pillar's cell change by where it is off by (p, 4) m in the cell's own directions, (p, r, r)."""
+        """Changes of K and M of each pillar's cell for deviations (p, 4) m in the cell's own directions, (p, r, r)."""
         weights = self.family.weights(change_m)
         stiffness, mass = (np.tensordot(weights, nodes, axes=1) for nodes in (self.stiffness, self.mass))
         return stiffness, mass
 
 
 class VariedPlate:
-    """The nominal plate as driven, and what each pillar's change adds to it; `pillars` (n, 2) in m are where they stand."""
+    """The nominal plate as driven, and the change due to each pillar; `pillars` (n, 2) in m are where they stand."""
 
     def __init__(self, forced: ForcedPlate, families: Mapping[Signature, CellFamily]) -> None:
         self.forced = forced
@@ -345,7 +344,7 @@ class VariedPlate:
         return self._changed(changes, None if within_hz is None else self.space.within(within_hz))
 
     def checked(self) -> tuple[ChangedPlate, ChangedPlate]:
-        """The plate whose pillars are all off by what each family was checked at: as interpolated, and from the reductions."""
+        """The plate with all pillars at their families' checked deviations: interpolated, and from the reductions."""
         interpolated, reduced = [], []
         for kind in self._kinds:
             own = kind.changes(np.broadcast_to(kind.family.checked_m, kind.signs.shape))
@@ -431,6 +430,6 @@ class Spread:
 
 
 def spread(values: FloatArray) -> Spread:
-    """Statistics of at least one value; one alone tells no deviation."""
+    """Statistics of at least one value; a single one has no standard deviation."""
     deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
     return Spread(float(np.mean(values)), deviation, float(np.min(values)), float(np.max(values)))

@@ -25,7 +25,7 @@ PAIRS = 2_000_000  # of points and nodes whose distances are all computed, in th
 
 @dataclass(frozen=True)
 class PeriodicNodes:
-    """For every node its master and by how many lattice vectors it lies beyond it, (n,) and (n, 2)."""
+    """Master of every node, (n,), and the number of lattice vectors from it to the node, (n, 2)."""
 
     master: IntArray
     offset: IntArray

@@ -24,16 +24,16 @@ from solvers.superelement.lattice import Periodic, ReducedLattice, Waves, degene
 # out. Degenerate waves are first turned into those that continue to each side: eigenvectors of d lambda / d k along
 # the step within their group.
 
-CLEAR = 0.5  # modal overlap from which a wave is followed without looking closer
+CLEAR = 0.5  # modal overlap from which a wave is followed without halving the step
 LOST = 0.1  # below it a wave is another one
 DEEPEST = 4  # halvings of a step
-EXTRA = 4  # waves followed above those asked for, so that a branch may come down
-PARTNERS = 2  # waves solved above these, so that none is followed without its degenerate partner
-TIED = 0.01  # of modal overlap: waves as alike as that are equally alike, and go on in their order
+EXTRA = 4  # waves followed above the requested ones, so that a branch may come down
+PARTNERS = 2  # waves solved above these, so that each is followed with its degenerate partner
+TIED = 0.01  # of modal overlap: waves within this tolerance are equally similar and keep their order
 
 
 class Solved:
-    """The waves of a lattice, each wavevector solved once: `count` asked for, some above and their degenerate partners."""
+    """The waves of a lattice, each wavevector solved once: `count` requested, some above and their degenerate partners."""
 
     def __init__(self, lattice: ReducedLattice, count: int) -> None:
         self.lattice, self.count = lattice, min(count, lattice.dof)
@@ -131,14 +131,14 @@ def _aligned(lattice: ReducedLattice, waves: ComplexArray, neighbour: ComplexArr
 
 
 def _partner(like: FloatArray) -> IntArray:
-    """For each row the column assigned so that the sum of the likenesses is largest."""
-    # no entry is nought, or it would be no edge; scipy.optimize has the same, slow to import
+    """Column assigned to each row so that the sum of the likenesses is largest."""
+    # no entry is 0, which would remove the edge; scipy.optimize has the same, but is slow to import
     _, column = min_weight_full_bipartite_matching(sp.csr_array(1.0 + like), maximize=True)
     return np.asarray(column, dtype=np.int64)
 
 
 def _through(like: FloatArray) -> IntArray:
-    """The same at one wavevector, from the waves of the step before to those of the next.
+    """Partners at one wavevector, from the waves of the previous step to those of the next.
 
     Where the path turns, degenerate waves may be equally alike: they go on in their order.
     """
@@ -146,7 +146,7 @@ def _through(like: FloatArray) -> IntArray:
 
 
 def _step(solved: Solved, start: Waves, end: FloatArray, halvings: int) -> tuple[IntArray, FloatArray]:
-    """For each wave at the start its partner at the end and how like they are, looking closer where that is not clear."""
+    """Partner at the end of each wave at the start, and their likeness, with halved steps where that is unclear."""
     lattice, step = solved.lattice, end - start.wavevector
     there = solved.turned(end, step, start)
     like = modal_overlap(lattice, start, there)
@@ -170,14 +170,14 @@ def _dense(numbers: Sequence[IntArray]) -> IntArray:
 
 
 # -- polarisation ------------------------------------------------------------------------------------------------------
-# How a wave of the plate is polarised: flexural, shear or longitudinal, and how much of it moves in the pillar.
+# Polarisation of a plate wave: flexural, shear or longitudinal, and its share in the pillar.
 # Along the cell's boundary lines the Legendre layer 0 is the mean through the thickness. Flexural waves carry it in
 # u_z; in-plane ones are compared with plane waves along k + G, u || k + G (longitudinal) and u perpendicular to it
 # (shear), so that a label does not depend on which of the equivalent wavevectors names the wave.
 
 NAMES = ("flexural", "shear", "longitudinal", "pillar")
 HALF = 0.5
-FELT = 0.25  # share of u_z in the square: its rms is half of the whole motion's, what a finger notices
+FELT = 0.25  # share of u_z in the square: its rms is half of the whole motion's, which a finger notices
 EQUAL_PARTS = 1e-6  # relative: what symmetry makes equal; equal parts of both count as shear
 FOLDS = 2  # reciprocal vectors tried along each axis: -2 to 2
 
@@ -219,7 +219,7 @@ def label_of(
 
 
 def is_flexural(cells: Periodic, dofs: ComplexArray) -> BoolArray:
-    """Which waves `label_of` calls flexural, (n,)."""
+    """Mask of the waves that `label_of` calls flexural, (n,)."""
     _, weights, motion = _line_motion(cells, dofs)
     return np.asarray(_flexural(weights, motion) > FELT)
 
@@ -358,7 +358,7 @@ class Mirrors:
 
     @cached_property
     def _diagonal(self) -> FloatArray | None:
-        """How the diagonal mirror exchanges the fixed-interface modes, from their coupling C to the boundary: C R = P C."""
+        """Action of the diagonal mirror on the fixed-interface modes, from their coupling C to the boundary: C R = P C."""
         cell, count = self.cell, self.cell.interface.count
         if not np.isclose(*cell.size_m[:2], rtol=SAME, atol=0.0):
             return None

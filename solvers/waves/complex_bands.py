@@ -15,8 +15,8 @@ from solvers.superelement.cell import Cell, ResidualModes
 from solvers.superelement.lattice import Periodic
 
 # -- waves across rows -------------------------------------------------------------------------------------------------
-# ComplexArray bands of rows of cells: all waves across the rows at a real frequency and a real wavenumber along them.
-# One row's dynamic stiffness D = K - w^2 M, less what the fixed-interface modes left out take (`ResidualModes`), is
+# Complex band structure of rows of cells: all waves across the rows at a real frequency and a real wavenumber along them.
+# One row's dynamic stiffness D = K - w^2 M, less the part of the discarded fixed-interface modes (`ResidualModes`), is
 # condensed to its lower and upper edge; u(y + p) = lambda u(y) asks that the edges' forces balance. A row that is its
 # own mirror image splits into symmetric and antisymmetric motion, and the Cayley variable tau = (1 - lambda)/(1 +
 # lambda) turns the problem into a linear pencil in tau^2 of half the size: waves come in exact pairs k, -k, and no
@@ -25,7 +25,7 @@ from solvers.superelement.lattice import Periodic
 PROPAGATING = 1e-7  # of |log|lambda||: below it a wave carries energy and does not decay
 MIRROR = 1e-9  # relative: how far a row may be from its mirror image
 TINY = 1e-150
-MAX_KEPT = 128  # frequencies of a row that keeps its waves, the longest unused let go: less than a megabyte each
+MAX_KEPT = 128  # frequencies of a row that keeps its waves, the longest unused dropped: less than a megabyte each
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class RowWaves:
     """The waves that go or decay towards +y, the least decaying first.
 
     factor (n,): lambda, |lambda| <= 1; edge (m, n): displacements of the lower edge; force (m, n): forces on it;
-    degrees of freedom (cell dof, n); flux (n,): power upwards, Im(force^H edge)/2, in scaled units over w (0 for
+    dofs (cell dof, n): the cell's motion; flux (n,): power upwards, Im(force^H edge)/2, in scaled units over w (0 for
     decaying waves); stiffness: the row's own between its edges.
     """
 
@@ -86,12 +86,12 @@ class Row:
 
     @cached_property
     def mass(self) -> ComplexArray:
-        """Hermitian M of the same."""
+        """Hermitian M of [lower edge, upper edge, inner]."""
         return self.periodic.reduced(self.transform, "mass")
 
     @cached_property
     def _flexibility(self) -> list[tuple[ResidualModes, ComplexArray]]:
-        """Hermitian residual flexibility of each cell's fixed-interface modes left out, of the same."""
+        """Hermitian residual flexibility of each cell's discarded fixed-interface modes, numbered likewise."""
         parts = [(cell, own[: len(cell.dropped)]) for cell, own in self.periodic.parts(self.transform)]
         return [(cell.residual, np.asarray(own.conj().T @ (cell.dropped @ own))) for cell, own in parts]
 
@@ -102,7 +102,7 @@ class Row:
 
     @cached_property
     def mirror_sign(self) -> FloatArray:
-        """What the mirror y -> -y does to an edge's degrees of freedom: -1 for u_y."""
+        """Signs of an edge's degrees of freedom under the mirror y -> -y: -1 for u_y."""
         sign = np.ones(self.edge)
         sign[1::3] = -1.0
         return sign
@@ -119,7 +119,7 @@ class Row:
         pivots = np.abs(np.diag(factors[0]))
         if pivots.min() < 1e-13 * pivots.max():
             raise SolverError(
-                f"{frequency_hz:.6g} Hz is a resonance of the row with its edges clamped: move it a little"
+                f"{frequency_hz:.6g} Hz is a resonance of the row with its edges clamped: shift it slightly"
             )
         follow = -lu_solve(factors, coupling)
         edges = dynamic[:n, :n] + dynamic[:n, n:] @ follow
@@ -170,7 +170,7 @@ class KeptRow(Row):
 
     @property
     def same(self) -> tuple[object, ...]:
-        """What two rows with the same waves have in common."""
+        """Key, equal for rows with the same waves."""
         own = [
             (cell.size_m, cell.interface, cell.scale, cell.dropped_hz, *(part.tobytes() for part in matrices))
             for cell in self.periodic.cells
@@ -232,7 +232,7 @@ def _upwards(
     factor: ComplexArray, edge: ComplexArray, force: ComplexArray, flux: FloatArray, decaying: BoolArray, d: RowStiffness,
     sign: FloatArray,
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray, FloatArray]:  # fmt: skip
-    """Of each propagating pair the one that carries energy towards +y; decaying waves keep |lambda| <= 1."""
+    """Select from each propagating pair the wave that carries energy towards +y; decaying waves keep |lambda| <= 1."""
     flux = np.where(decaying, 0.0, flux)
     paired = len(factor) == len(sign)
     down = ~decaying & (flux < 0.0)
@@ -250,7 +250,7 @@ def _upwards(
 
 
 # -- rows between half-plates ------------------------------------------------------------------------------------------
-# Rows between two half-plates without end: what of a wave from the zone is reflected, passed, and turned.
+# Rows between two half-plates: the parts of a wave from the zone that are reflected, transmitted and converted.
 # The rows are joined by their dynamic stiffness (never by transfer matrices); each half-plate answers with the waves
 # that leave: f = F Phi^-1 q. Powers of the propagating waves add up to the incoming one's (mace2005).
 
@@ -280,11 +280,11 @@ def _joined(lower: RowStiffness, upper: RowStiffness) -> RowStiffness:
 def scatter(rows: RowStiffness, half: RowWaves, sign: FloatArray, incoming: int) -> Scattering:
     """A wave of the lower half-plate, index `incoming`, meets the rows; the same plate goes on above them.
 
-    Degrees of freedom r, t of q_0 = phi + S Phi r and q_N = Phi t: -f_phi + S F r + D_bb q_0 + D_bt q_N = 0,
+    The unknowns are r, t of q_0 = phi + S Phi r and q_N = Phi t: -f_phi + S F r + D_bb q_0 + D_bt q_N = 0,
     D_tb q_0 + D_tt q_N + F t = 0. Raises SolverError when the incoming wave does not propagate.
     """
     if not half.flux[incoming] > 0.0:
-        raise SolverError("the incoming wave carries no energy: ask above its cut-off")
+        raise SolverError("the incoming wave carries no energy: choose a frequency above its cut-off")
     phi, force = half.edge, half.force
     image, image_force = sign[:, None] * phi, sign[:, None] * force
     left = np.block([[image_force + rows.bb @ image, rows.bt @ phi], [rows.tb @ image, rows.tt @ phi + force]])

@@ -17,7 +17,7 @@ from solvers.waves.branches import Branches, Label, Solved, label_of, modal_over
 # -- extremes ----------------------------------------------------------------------------------------------------------
 # Extremes of bands between the sampled wavevectors: along straight segments of a path, and over the irreducible zone.
 # A segment is searched where the cubic through sampled values and group velocities (Hellmann-Feynman, one-sided at
-# degenerate points) may exceed the best sample; the zone from its best grid points, with the gradient. Where a cell gives
+# degenerate points) may exceed the best sample; the zone from its best grid points, with the gradient. For a cell that gives
 # frequencies only, the chords of the neighbouring intervals stand for the group velocities.
 
 CLOSE = 1e-3  # of an interval: where a search stops; a smooth extreme is then known to its square
@@ -113,7 +113,7 @@ def cubic_top(at: FloatArray, value: FloatArray, beyond: FloatArray, before: Flo
 
 
 def tent_top(at: FloatArray, value: FloatArray, beyond: FloatArray, before: FloatArray) -> FloatArray:
-    """Where the tangents from both ends of each interval meet: the top of a crossing, and above any concave arc, (m - 1,)."""
+    """Intersection of the tangents from both ends of each interval: the top of a crossing, above any concave arc, (m - 1,)."""
     step, up, down = np.diff(at), beyond[:-1], -before[1:]
     rising = (up > 0.0) & (down > 0.0)
     share = (value[1:] - value[:-1] + down * step) / np.where(rising, up + down, 1.0)
@@ -231,7 +231,7 @@ def directional_gaps(path: Path, lines: list[Line]) -> list[DirectionalGap]:
 
 
 def zone_gaps(along: list[Gap], extreme: Callable[[int, int], Extreme]) -> list[BrillouinZoneGap]:
-    """Which of the path's gaps are gaps of the whole zone, from the largest (sign 1) or smallest frequency of a band there."""
+    """Gaps of the path that span the whole zone, from the largest (sign 1) or smallest frequency of a band there."""
     gaps = []
     for gap in along:
         lower, upper = extreme(gap.lower_band - 1, 1), extreme(gap.upper_band - 1, -1)
@@ -281,8 +281,8 @@ def _at(extreme: Extreme) -> tuple[float, float]:
 # A step of a branch between two samples counts for a polarisation when either of its ends has it; edges are then
 # moved to the branch's extreme or to the wavevector where its label changes.
 
-SHARP = 1e-5  # of a step: a label's change is no smooth extreme
-KNOWN = 1e-4  # relative: an edge where a label changes, well below what the reduction is good for
+SHARP = 1e-5  # of a step: a label's change is not a smooth extreme
+KNOWN = 1e-4  # relative: an edge where a label changes, well below the error of the reduction
 
 
 @dataclass(frozen=True)
@@ -295,7 +295,7 @@ class PolarisationGap:
 
 
 def labels_along(solved: Solved, branches: Branches) -> list[list[Label]]:
-    """Labels of every wave at every wavevector, pillars told; at k = 0 for the direction of the path."""
+    """Labels of every wave at every wavevector, with pillars; at k = 0 for the direction of the path."""
     vectors = np.array([waves.wavevector for waves in branches.waves])
     labels = []
     for index, waves in enumerate(branches.waves):
@@ -306,7 +306,7 @@ def labels_along(solved: Solved, branches: Branches) -> list[list[Label]]:
 
 
 def polarisation_gaps(solved: Solved, branches: Branches, labels: list[list[Label]]) -> list[PolarisationGap]:
-    """Gaps of each polarisation that has waves below and above them, within the bands asked for."""
+    """Gaps of each polarisation that has waves below and above them, within the requested bands."""
     ceiling = min(float(waves.eigenvalue[solved.count - 1]) for waves in branches.waves)
     gaps = []
     for name in ("flexural", "shear", "longitudinal"):
@@ -381,7 +381,7 @@ def _outermost(solved: Solved, steps: list[_Step], name: str, sign: int) -> floa
 
 
 def _bound(solved: Solved, step: _Step, sign: int) -> float:
-    """What sign * eigenvalue stays below on a step: its ends, or where the tangents at them meet."""
+    """Upper bound of sign * eigenvalue on a step: its ends, or the intersection of the tangents at them."""
     ends, rates = sign * np.array(step.ends), sign * np.array(_rates(solved, step))
     at, beyond, before = np.array([0.0, 1.0]), np.array([rates[0], 0.0]), np.array([0.0, rates[1]])
     return float(max(ends.max(), tent_top(at, ends, beyond, before)[0])) if all(step.holds) else float(ends.max())

@@ -16,7 +16,7 @@ from pipeline.paths import ROOT
 
 
 def timed(action: Callable[[], Any], repeats: int) -> float:
-    """Shortest wall time of several runs, s: what other programs on the machine add is left out."""
+    """Shortest wall time of several runs, s, which excludes the load of other programs."""
     best = float("inf")
     for _ in range(repeats):
         start = time.perf_counter()
@@ -27,7 +27,7 @@ def timed(action: Callable[[], Any], repeats: int) -> float:
 
 @dataclass(frozen=True)
 class Ended:
-    """What a process printed and complained of; its processor time and that of every process that it waited for, s; the time
+    """Result of a process: its output and errors; its processor time and that of every process that it waited for, s; the time
     until it ended, s; the memory of the largest of them, bytes.
     """
 
@@ -45,7 +45,7 @@ def ran(
     check: bool = True,
     environment: dict[str, str] | None = None,
 ) -> Ended:
-    """Python with these words in the checkout at `root`, with an empty folder of results unless the environment names another.
+    """Run Python with these arguments in the checkout at `root`, with an empty results folder by default.
 
     RuntimeError with its last words where it fails, unless not to be checked.
     """
@@ -62,6 +62,6 @@ def ran(
         printed, complaints = (output.read_text() for output in outputs)
     if check and process.returncode:
         last = (complaints or printed).split()[-30:]
-        raise RuntimeError(f"{' '.join(words)}: exit code {process.returncode}: {' '.join(last) or 'said nothing'}")
+        raise RuntimeError(f"{' '.join(words)}: exit code {process.returncode}: {' '.join(last) or 'no message'}")
     peak_bytes = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
     return Ended(printed, complaints, usage.ru_utime + usage.ru_stime, wall, peak_bytes)

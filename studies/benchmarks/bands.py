@@ -1,7 +1,7 @@
-"""Cold `antinode bands` at several accuracies: wall time, peak memory, and true errors at G, X and M beside the stated bar.
+"""Cold `antinode bands` at several accuracies: wall time, peak memory, and true errors at G, X and M next to the error bar.
 
 `python -m studies.benchmarks.bands` compares with the finest accuracy, computed in the same run, and with the frequencies that
-another program's converged meshes gave, printed to five digits. Each command is a process of its own, without kept cells.
+another program's converged meshes gave, printed to five digits. Each command is a process of its own, without cached cells.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ OTHERS_HZ = {("G", 4): 39.67e3, ("G", 6): 108.45e3, ("G", 7): 175.83e3, ("G", 9)
 
 @dataclass(frozen=True)
 class Run:
-    """How a command ended, and by corner its frequencies, Hz, and half-widths of their bars."""
+    """Outcome of a command, and by corner its frequencies and their error bars (half-widths), Hz."""
 
     cold: Ended
     frequencies_hz: dict[str, FloatArray]
@@ -34,7 +34,7 @@ class Run:
 
 
 def run(accuracy: float) -> Run:
-    """A fresh process from an empty folder of results, measured; one more, with the cell it kept, tells its figures."""
+    """Measure a fresh process from an empty folder of results; read its figures from another one with the stored cell."""
     command = ("-m", "antinode", "bands", CASE, "--quiet", "--set", f"solve.accuracy={accuracy}")
     with tempfile.TemporaryDirectory(prefix="antinode-results-") as results:
         own = {"ANTINODE_RESULTS": results}
@@ -66,7 +66,7 @@ def errors(own_run: Run, finest: Run) -> tuple[float, float, float]:
 
 
 def main() -> None:
-    """A row of a Markdown table an accuracy."""
+    """Print a Markdown table with one row per accuracy."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("accuracies", nargs="*", type=float, default=ACCURACIES)
     given = parser.parse_args()

@@ -1,4 +1,4 @@
-"""The commands a designer waits for, beside an earlier commit of this repository: processor and wall seconds, where they go.
+"""The commands a designer waits for, compared with an earlier commit: processor and wall seconds, by kind of work.
 
     python -m studies.benchmarks.before_after [--commit COMMIT] [--repeats N] [--write] [TASK ...]
 
@@ -57,7 +57,7 @@ SHARES = {
 
 @contextmanager
 def checkout(commit: str) -> Iterator[Path]:
-    """The files of a commit in a temporary folder. CalledProcessError where this is no repository or has no such commit."""
+    """The files of a commit in a temporary folder. CalledProcessError outside a repository or without such a commit."""
     packed = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True, check=True).stdout
     with tempfile.TemporaryDirectory(prefix="antinode-before-") as folder:
         with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
@@ -90,7 +90,7 @@ def _beside(before: float, after: float) -> tuple[str, str, str]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """One line of a Markdown table a task."""
+    """Print a Markdown table with one line per task."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--commit", default=COMMIT)
     parser.add_argument("--repeats", type=int, default=2)

@@ -1,4 +1,4 @@
-"""What a command costs before it computes: wall time of a fresh process, and the modules that take longest to import.
+"""Cost of a command before it computes: wall time of a fresh process, and the modules that take longest to import.
 
 `python -m studies.benchmarks.cold_start` prints both for the commands that people type while they think.
 """
@@ -25,7 +25,7 @@ LINE = re.compile(r"import time:\s*(\d+) \|\s*(\d+) \| ( *)(\S+)")
 
 
 def slowest(arguments: tuple[str, ...]) -> list[tuple[str, float]]:
-    """The packages whose import took longest, with what they import themselves, ms (the interpreter's own accounting)."""
+    """The packages whose import took longest, with their own imports, ms (the interpreter's own accounting)."""
     entry = ran("-X", "importtime", "-m", "pipeline.cli.main", *arguments, check=False).complaints
     measured: dict[str, float] = {}
     for match in LINE.finditer(entry):
@@ -36,7 +36,7 @@ def slowest(arguments: tuple[str, ...]) -> list[tuple[str, float]]:
 
 
 def main() -> None:
-    """One line a command."""
+    """Print one line per command."""
     for arguments in COMMANDS:
         parts = ", ".join(f"{name} {spent:.0f} ms" for name, spent in slowest(arguments))
         seconds = median(ran("-m", "pipeline.cli.main", *arguments, check=False).wall for _ in range(REPEATS))

@@ -1,4 +1,4 @@
-"""Foreseen against measured memory and processor time, each scene in a process of its own.
+"""Estimated against measured memory and processor time, each scene in a process of its own.
 
 `python -m studies.benchmarks.foresight [NAME ...]`. Scenes off the calibrated design: other materials, thickness, sizes,
 accuracies, models and parts; driven plates; and cells of the kinds that are published: stubs stout, slender, soft, tipped, of
@@ -18,11 +18,11 @@ MEASURED = """import sys, time
 from solvers import machine
 from pipeline.cli.main import main
 from pipeline.planning.resources import ResourceEstimate
-told, text = [], ResourceEstimate.text
-ResourceEstimate.text = lambda self: told.append((self.memory_bytes, self.seconds)) or text(self)
+noted, text = [], ResourceEstimate.text
+ResourceEstimate.text = lambda self: noted.append((self.memory_bytes, self.seconds)) or text(self)
 code = main(sys.argv[1:])
-print(max(each[0] for each in told), sum(each[1] for each in told), machine.peak_bytes(), time.process_time())
-sys.exit(code)"""  # the process tells its own peak: what its parent reads of it may begin with the parent's size
+print(max(each[0] for each in noted), sum(each[1] for each in noted), machine.peak_bytes(), time.process_time())
+sys.exit(code)"""  # the process reports its own peak: the value that its parent reads of it may begin with the parent's size
 REFERENCE, SMALL = "studies/three-rows.toml", "examples/small.toml"
 ROUND = 'pillar={shape="round",diameter_mm=2.0,height_mm=6.3}'
 SCENES = {
@@ -92,7 +92,7 @@ CELLS = {
 
 @dataclass(frozen=True)
 class Taken:
-    """Memory in B and processor time in s that a command foresaw, finer meshes that it announced with it, and took."""
+    """Memory in B and processor time in s, estimated (with announced finer meshes) and measured, of a command."""
 
     foreseen_bytes: float
     foreseen_s: float
@@ -107,11 +107,11 @@ def taken(name: str) -> Taken:
 
 
 def main(names: list[str]) -> None:
-    """One line a scene."""
+    """Print one line per scene."""
     for name in names or SCENES | DRIVEN | CELLS:
         one = taken(name)
         ratio, slower = one.peak_bytes / one.foreseen_bytes, one.processor_s / one.foreseen_s
-        line = f"foreseen {one.foreseen_bytes / GIB:6.2f} GiB, peak {one.peak_bytes / GIB:6.2f} GiB, ratio {ratio:.2f}"
+        line = f"estimated {one.foreseen_bytes / GIB:6.2f} GiB, peak {one.peak_bytes / GIB:6.2f} GiB, ratio {ratio:.2f}"
         print(f"{name:20} {line}; {one.foreseen_s:4.0f} s, {one.processor_s:4.0f} s, ratio {slower:.2f}", flush=True)
 
 

@@ -4,7 +4,7 @@ K - sigma M of the quarter plate with pillars (hexahedra of order 3, 32 kHz) in 
 tetrahedra, the bulkiest solid there is.
 
 The same modes of a band, counted, by `solvers.fem.block_lanczos` and by ARPACK (scipy's `eigsh`), both with the same factor;
-then all modes of wide windows of a plate of six rows, at most so many from one shift.
+then all modes of wide windows of a plate of six rows, with a limited number from one shift.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def compare_factorisations() -> None:
     )
     print(
         f"{'problem':11} {'DOFs':>8} {'with':8} {'first':>8} {'next':>8} {'ten':>7} {'at once':>7} "
-        f"{'foreseen':>8} {'peak':>7} {'held':>7} {'negative':>8}"
+        f"{'estimate':>8} {'peak':>7} {'held':>7} {'negative':>8}"
     )
     with tempfile.TemporaryDirectory() as folder:
         for name, problem in MATRICES.items():
@@ -139,7 +139,7 @@ PENCILS: dict[str, tuple[Callable[[], PlainPencil], tuple[float, float]]] = {
 
 
 def slices() -> None:
-    """Print a line a window and a width of slices."""
+    """Print one line per window and width of slices."""
     print(f"{'window, kHz':>14} {'dofs':>8} {'modes':>5} {'a shift':>8} {'factorisations':>14} {'time':>8}")
     pencil = _pencil("plate", "SS", "solve.accuracy=0.003", "array.rows=6")
     most_before = block_lanczos.MAX_SLICE
@@ -154,7 +154,7 @@ def slices() -> None:
 
 
 def compare_lanczos() -> None:
-    """Print a line a problem."""
+    """Print one line per problem."""
     print(f"{'problem':14} {'dofs':>8} {'modes':>5} {'block':>8} {'single':>8} {'ratio':>6} {'largest difference':>19}")
     bytes_before = block_lanczos.BYTES
     for name, (make, band_hz) in PENCILS.items():
@@ -171,7 +171,7 @@ def compare_lanczos() -> None:
 
 
 def _figures(path: Path, backend: str) -> str:
-    """The rest of a line, or why there is none."""
+    """The rest of a line, or the reason why it is missing."""
     try:
         run = json.loads(ran("-m", MODULE, str(path), backend).printed.splitlines()[-1])
     except RuntimeError as fault:

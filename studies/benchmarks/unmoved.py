@@ -1,9 +1,9 @@
-"""Every figure of the commands' JSON documents beside those of an earlier commit of this repository.
+"""Comparison of every figure of the commands' JSON documents with an earlier commit of this repository.
 
     python -m studies.benchmarks.unmoved --commit COMMIT [COMMAND ...]
 
-Each command runs here and in that commit's files, on a small case each, with caches of its own; what stands in both documents
-is compared. A figure is unmoved within 1e-9 of the largest of its name. Exit code 4 where one has moved or is gone.
+Each command runs here and in that commit's files, on a small case each, with caches of its own; the figures in both documents
+are compared. A figure is unmoved within 1e-9 of the largest of its name. Exit code 4 where one has moved or is gone.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def figures(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def moved(before: dict[str, Any], after: dict[str, Any]) -> tuple[int, list[str]]:
-    """How many figures both documents have, and a line for each that has moved or is gone."""
+    """Number of figures in both documents, and a line for each that has moved or is gone."""
     one, two = dict(figures(before)), dict(figures(after))
     name_of = {place: place.rpartition(".")[2].partition("[")[0] for place in one}
     largest = dict.fromkeys(name_of.values(), 0.0)
@@ -107,7 +107,7 @@ def moved(before: dict[str, Any], after: dict[str, Any]) -> tuple[int, list[str]
 
 
 def main(words: list[str] | None = None) -> int:
-    """A line a command, then what has moved."""
+    """Print one line per command, then the figures that have moved."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--commit", required=True)
     parser.add_argument("tasks", nargs="*", metavar="COMMAND", help=", ".join(TASKS))

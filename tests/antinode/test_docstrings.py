@@ -64,7 +64,7 @@ def small_model(tmp_path_factory: pytest.TempPathFactory) -> CellModel:
 
 
 @pytest.mark.parametrize("module", HOMES)
-@pytest.mark.filterwarnings("ignore::antinode.Caution")
+@pytest.mark.filterwarnings("ignore::antinode.AntinodeWarning")
 def test_quick_examples_hold_on_coarse_plates(module: str, coarsest_cells: None, examples_alone: None) -> None:
     done = outcome(module, slow=False)
     assert done.attempted and not done.failed
@@ -72,7 +72,7 @@ def test_quick_examples_hold_on_coarse_plates(module: str, coarsest_cells: None,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("module", HOMES)
-@pytest.mark.filterwarnings("ignore::antinode.Caution")
+@pytest.mark.filterwarnings("ignore::antinode.AntinodeWarning")
 def test_every_example_holds_as_its_reader_runs_it(
     module: str, small_model: CellModel, examples_alone: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:

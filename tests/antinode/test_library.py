@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ROOT / "examples" / "small.toml"
 NAMES = [
-    "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Caution", "Crosstalk",
+    "AntinodeWarning", "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Crosstalk",
     "Damping", "Finger", "Hybrid", "InputError", "Mode",
     "Modes", "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Solve", "SolverError",
     "SweepTable", "Tip", "Tolerance", "Touch", "Travel", "Target", "Zone", "__version__", "load", "open", "sweep",
@@ -330,7 +330,7 @@ print([row["status"] for row in antinode.sweep(plate, **asked)])
 def test_a_worker_that_dies_costs_a_script_without_a_guard_one_case(tmp_path: Path) -> None:
     """Workers are started anew and would run the caller's script again; the next sweep computes what is missing alone."""
     (tmp_path / "script.py").write_text(SCRIPT.format(case=str(SMALL)))
-    words = [sys.executable, "-W", "always::antinode.Caution", "script.py"]
+    words = [sys.executable, "-W", "always::antinode.AntinodeWarning", "script.py"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr[-800:]

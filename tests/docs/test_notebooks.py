@@ -41,7 +41,7 @@ def cell_outputs(sources: list[str]) -> Iterator[Any]:
         for p in NOTEBOOKS
     ],
 )
-@pytest.mark.filterwarnings("ignore::antinode.Caution")
+@pytest.mark.filterwarnings("ignore::antinode.AntinodeWarning")
 def test_a_notebook_answers_on_coarse_plates(
     place: Path, coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -160,5 +160,7 @@ def test_lagrange_derivatives_of_a_cubic_are_exact() -> None:
 
 @pytest.mark.parametrize(("kind", "order"), [("hex", 0), ("hex", 5), ("tet", 3), ("wedge", 3)])
 def test_elements_that_are_not_offered_are_named_with_what_is(kind: str, order: int) -> None:
-    with pytest.raises(ValueError, match=f"no {kind} element of order {order}: hex has 1 to 4; tet, wedge and pyramid"):
+    with pytest.raises(
+        ValueError, match=f"no {kind} element of order {order}: hex has orders 1 to 4; tet, wedge and pyramid"
+    ):
         element(kind, order)

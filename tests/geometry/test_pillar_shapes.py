@@ -70,7 +70,7 @@ def test_mirrors_are_those_of_the_section() -> None:
     assert shape_of("step", S, S).mirrors == ()
     assert cell(HEXAGON).cell_mirrors == ("x", "y") and cell(CROSS).cell_mirrors == ("x", "y", "d")
     assert cell(CROSS, 4e-3, 5e-3).cell_mirrors == ("x", "y")
-    assert HEXAGON.is_own_image and CROSS.is_own_image
+    assert HEXAGON.is_symmetric and CROSS.is_symmetric
 
 
 def test_two_flats_of_a_hexagon_face_y_and_two_corners_lie_on_the_x_axis() -> None:

@@ -19,7 +19,7 @@ from solvers.fem import factor
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.threads import Abandoned, go_on, side_by_side
+from solvers.threads import Cancelled, parallel_map, raise_if_cancelled
 
 STEEL = MATERIALS["steel"]
 PILLAR = Pillar("square", 1.8e-3, 1.8e-3, 5e-3, STEEL)
@@ -37,7 +37,7 @@ def solved() -> tuple[PlateModel, list[Modes]]:
     """Panels reduced and all classes of a small plate solved, each of several."""
     reduction = ReductionSettings(Interface(3, 3), 400e3, HexSettings(3, 2e-3, 0, pillar_size_m=2.5e-3))
     model = PlateModel(DESIGN, Reductions(Stack.of(DESIGN.thickness_m, STEEL), PILLAR, reduction))
-    return model, factor.side_by_side(lambda name: modes_in_band(model.pencil(name), 1e3, 150e3), model.symmetries)
+    return model, factor.parallel_map(lambda name: modes_in_band(model.pencil(name), 1e3, 150e3), model.symmetries)
 
 
 @pytest.mark.parametrize("backend", machine.factorisations())
@@ -45,7 +45,7 @@ def test_one_worker_and_two_give_the_same_digits(backend: str, monkeypatch: pyte
     """Cells and modes to the last bit; a task's factorisations and BLAS have one thread in both."""
     monkeypatch.setenv("ANTINODE_FACTOR", backend)
     seen: set[str] = set()
-    monkeypatch.setattr(factor, "go_on", lambda: seen.add(threading.current_thread().name))
+    monkeypatch.setattr(factor, "raise_if_cancelled", lambda: seen.add(threading.current_thread().name))
     two, modes_of_two = solved()
     assert len(seen) == 2 and threading.main_thread().name not in seen
     monkeypatch.setenv("ANTINODE_THREADS", "1")
@@ -61,7 +61,7 @@ def test_one_worker_and_two_give_the_same_digits(backend: str, monkeypatch: pyte
 
 def test_tasks_take_turns_more_often_and_the_interpreter_s_own_interval_comes_back() -> None:
     before = sys.getswitchinterval()
-    assert max(side_by_side(lambda _: sys.getswitchinterval(), range(2))) < before
+    assert max(parallel_map(lambda _: sys.getswitchinterval(), range(2))) < before
     assert sys.getswitchinterval() == before
 
 
@@ -84,7 +84,7 @@ class Load:
 @pytest.mark.parametrize(("room", "most"), [(float("inf"), 2), (2.5, 2), (1.5, 1), (0.5, 1)])
 def test_no_more_at_once_than_memory_holds(room: float, most: int) -> None:
     load = Load()
-    assert side_by_side(load, range(6), 1.0, room) == [(item, 1) for item in range(6)]
+    assert parallel_map(load, range(6), 1.0, room) == [(item, 1) for item in range(6)]
     assert load.most == most
     assert threads.threads() == 2, "the whole computation has all of them again"
 
@@ -92,9 +92,9 @@ def test_no_more_at_once_than_memory_holds(room: float, most: int) -> None:
 def test_a_task_within_a_task_runs_where_it_is() -> None:
     def outer(_: int) -> tuple[int, list[int]]:
         own = threading.get_ident()
-        return own, side_by_side(lambda _: threading.get_ident(), range(3))
+        return own, parallel_map(lambda _: threading.get_ident(), range(3))
 
-    for own, inner in side_by_side(outer, range(4)):
+    for own, inner in parallel_map(outer, range(4)):
         assert set(inner) == {own}
 
 
@@ -108,7 +108,7 @@ def test_the_first_fault_is_told_when_all_have_ended() -> None:
         done.append(item)
 
     with pytest.raises(ValueError, match="1"):
-        side_by_side(task, range(4))
+        parallel_map(task, range(4))
     assert sorted(done) == [0, 3]
 
 
@@ -122,13 +122,13 @@ def test_an_interrupted_command_leaves_no_task_behind() -> None:
             _thread.interrupt_main()
         try:
             for _ in range(500):
-                go_on()
+                raise_if_cancelled()
                 time.sleep(0.01)
-        except Abandoned:
+        except Cancelled:
             ended.append(item)
 
     with pytest.raises(KeyboardInterrupt):
-        side_by_side(task, range(2))
+        parallel_map(task, range(2))
     until = time.monotonic() + 5.0
     while len(ended) < 2 and time.monotonic() < until:
         time.sleep(0.01)

@@ -16,7 +16,7 @@ from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS
 from pipeline.models.forced import FOLLOWS
 from solvers.piezo.forced import Drive, ForcedPlate
-from solvers.piezo.patch import Beneath, bonded_patch
+from solvers.piezo.patch import StaticCorrection, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.responses import frequency_errors, height_error
 from solvers.plates.assembled import PlateModel, Reductions
@@ -97,7 +97,9 @@ def reduced(scene: Scene) -> tuple[FloatArray, FloatArray, FloatArray, FloatArra
     made = PlateModel(design, reductions)
     plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
     patch = bonded_patch(PZ26, scene.bonded.box_m, 1e-3 * scene.patch_mm[2], scene.is_on_back)
-    plate = PatchedPlate(plates, [patch], scene.is_on_back, beneath=Beneath(reductions), at_hz=2e3 * scene.first_khz)
+    plate = PatchedPlate(
+        plates, [patch], scene.is_on_back, beneath=StaticCorrection(reductions), at_hz=2e3 * scene.first_khz
+    )
     forced = ForcedPlate(plate, design, Drive((0,), (), scene.band_hz, 100.0), (1.0, 1.0))
     group = next(each for each in forced.modes if "SS" in each.group.symmetries)
     field = group.group.touch(group.columns)[0]

@@ -91,7 +91,7 @@ def conjugated_mass(patch: pytest.MonkeyPatch) -> None:
 
 def dropped_mode(patch: pytest.MonkeyPatch) -> None:
     """Every solve returns one mode too few, and its count with it: only what a proof knows by itself can tell."""
-    real = eigen._Solver.proven
+    real = eigen._Solver.verified
 
     def wrong(self: Any, *given: Any) -> eigen.Modes:
         modes = real(self, *given)
@@ -99,7 +99,7 @@ def dropped_mode(patch: pytest.MonkeyPatch) -> None:
         count = replace(modes.count, expected=int(kept.sum()), found=int(kept.sum()))
         return replace(modes, frequency_hz=modes.frequency_hz[kept], vectors=modes.vectors[:, kept], count=count)
 
-    patch.setattr(eigen._Solver, "proven", wrong)
+    patch.setattr(eigen._Solver, "verified", wrong)
 
 
 def forgetful_lanczos(patch: pytest.MonkeyPatch) -> None:
@@ -190,5 +190,5 @@ def test_every_proof_kills_a_fault_and_every_fault_is_killed() -> None:
 
 def test_the_count_itself_sees_a_mode_that_lanczos_loses(monkeypatch: pytest.MonkeyPatch) -> None:
     forgetful_lanczos(monkeypatch)
-    with pytest.raises(CountMismatch, match="where the inertia counts"):
+    with pytest.raises(CountMismatch, match="but the inertia count is"):
         test_rods.computed_hz(True)

@@ -2,8 +2,8 @@
 
     python -m studies.benchmarks.peers [--ngsolve PYTHON] [--kept FOLDER] [--only PART ...] [--write]
 
-Each row is a process of its own with one thread; its processor seconds hold meshing and all solves, and leave out, alike for
-all, what the interpreter and the libraries take to load. What is not installed is left out, and named.
+Each row is a process of its own with one thread; its processor seconds hold meshing and all solves, and exclude, for all alike,
+the time to load the interpreter and the libraries. Programs that are not installed are skipped and named.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ ELEMENT, LOWEST = {"plate": "C3D20"}, {"plate": 70}  # one layer of C3D20R moves
 
 @dataclass(frozen=True)
 class Solution:
-    """What a program gave of a part: frequencies by symmetry class or wavevector, strengths of modes in the target shape."""
+    """Result of a program for a part: frequencies by symmetry class or wavevector, strengths of modes in the target shape."""
 
     part: str
     program: str
@@ -112,12 +112,12 @@ def error(solution: Solution, reference: Solution) -> float:
 
 
 def target_error(solution: Solution, reference: Solution) -> float | None:
-    """The same of the zone's mode (0, 8) alone; None of other parts."""
+    """Relative error of the zone's mode (0, 8) alone; None for other parts."""
     return float(_errors(solution, reference)[ZONE_MODE]) if solution.part == "zone" else None
 
 
 def rows(results: Sequence[Solution], references: dict[str, Solution]) -> list[str]:
-    """The Markdown table, a line a result, the reference among them without an error."""
+    """The Markdown table, one line per result, the reference among them without an error."""
     lines = [
         "| part | program | settings | degrees of freedom | CPU s | largest error | mode (0, 8) |",
         "|---|---|---|---|---|---|---|",
@@ -152,7 +152,7 @@ def cheapest(results: Sequence[Solution], references: dict[str, Solution]) -> li
 
 
 def draw(results: Sequence[Solution], references: dict[str, Solution], path: Path) -> None:
-    """Error against processor seconds: a panel a part, a line a program."""
+    """Error against processor seconds: one panel per part, one line per program."""
     programs = list(dict.fromkeys(one.program for one in results))
     with style.style():
         figure = style.new_figure(style.WIDTH_IN, 5.6)
@@ -238,7 +238,7 @@ def page(results: list[Solution], references: dict[str, Solution], missing: dict
 
 
 def main() -> int:
-    """Compute what is not kept, print, and write if asked to."""
+    """Compute the rows that are not stored, print them, and write the page on request."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--ngsolve", default=sys.executable, metavar="PYTHON", help="an interpreter with ngsolve and scipy"

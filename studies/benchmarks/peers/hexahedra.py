@@ -27,14 +27,14 @@ from studies import ladder
 from studies.benchmarks.peers.scene import boxes, seconds
 
 BELOW_HZ = -20e3  # a shift below all eigenvalues: rigid-body waves have none of it
-SPARE = 4  # waves asked for beyond those compared: ARPACK may miss one of two with the same frequency
+SPARE = 4  # waves computed beyond those compared: ARPACK may miss one of two with the same frequency
 CORNERS = [0, 4, 2, 1, 6, 5, 3, 7]  # ours, x fastest, in scikit-fem's order
 # of 27 nodes, in CalculiX's order
 SERENDIPITY = [0, 2, 8, 6, 18, 20, 26, 24, 1, 5, 7, 3, 19, 23, 25, 21, 9, 11, 17, 15]  # fmt: skip
 
 
 def mesh_of(task: dict[str, Any], order: int) -> Mesh:
-    """The boxes of a part with the element sizes asked for."""
+    """The boxes of a part with the requested element sizes."""
     own = task["settings"]
     settings = HexSettings(2, 1e-3 * own["size_mm"], own["layers"], 0.15, 1e-3 * own["along_mm"], least=own["least"])
     return hex_mesh(boxes(task["part"], settings), order)
@@ -169,7 +169,7 @@ def calculix(task: dict[str, Any]) -> dict[str, Any]:
 def _deck(
     task: dict[str, Any], nodes: FloatArray, cells: IntArray, stopped: list[tuple[int, int]], probed: list[int]
 ) -> str:
-    """The input file: mesh, material, what is held, one frequency step, the motions of the nodes probed."""
+    """The input file: mesh, material, supports, one frequency step, the motions of the nodes probed."""
     own = task["settings"]
     lines = ["*NODE, NSET=NALL"]
     lines += [f"{i}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(nodes, start=1)]
@@ -196,7 +196,7 @@ def _weights(points: FloatArray) -> FloatArray:
 
 
 def _ccx(deck: str) -> tuple[list[float], FloatArray]:
-    """Frequencies, Hz, and u_z of the nodes printed, a row a mode. RuntimeError with CalculiX's last words."""
+    """Frequencies, Hz, and u_z of the printed nodes, one row per mode. RuntimeError with CalculiX's last words."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "part.inp").write_text(deck)
         done = subprocess.run(["ccx", "part"], cwd=folder, capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""Antinode in a process of its own: `python -m studies.benchmarks.peers.ours TASK` prints what it found as JSON."""
+"""Antinode in a process of its own: `python -m studies.benchmarks.peers.ours TASK` prints its result as JSON."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ QUIET = TerminalLog(True)
 
 
 def run(task: dict[str, Any]) -> dict[str, Any]:
-    """A part at an accuracy, as a case file asks for it."""
+    """Solve a part at an accuracy, as a case file would."""
     part, start = task["part"], seconds()
     if "accuracy" not in task["settings"]:
         return _meshed(part, task["settings"], start)

@@ -1,4 +1,4 @@
-"""The four parts as every program takes them: bodies, faces held in a symmetry class, what is looked for."""
+"""The four parts as every program takes them: bodies, faces held in a symmetry class, and the modes sought."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from solvers.measures.confinement import target_shape
 from studies import ladder
 
 AXES = "xyz"
-WAVEVECTORS = 76  # of a path G-X-M-G with 25 points a segment
-CORNERS = ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5))  # G, X and M, in periods a pitch
+WAVEVECTORS = 76  # of a path G-X-M-G with 25 points per segment
+CORNERS = ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5))  # G, X and M, in periods per pitch
 BETWEEN = (0.3, 0.2)  # a wavevector without symmetry, whose time stands for all
 
 
 @dataclass(frozen=True)
 class Part:
-    """What is looked for: symmetry classes, modes of each, about which frequency, and faces that are clamped."""
+    """Modes sought of a part: symmetry classes, number in each, frequency around which they lie, and clamped faces."""
 
     title: str
     classes: tuple[str, ...]
@@ -79,7 +79,7 @@ def clamped_axes(part: str, symmetry: str) -> dict[str, list[int]]:
 
 
 def task(part: str, settings: dict[str, Any]) -> dict[str, Any]:
-    """All that a program needs to know of a part, as JSON has it."""
+    """Complete description of a part for a program, ready for JSON."""
     given, material = PARTS[part], ladder.design().material
     return {
         "part": part,
@@ -114,8 +114,8 @@ def seconds() -> float:
 
 
 def merged(classes: list[list[float]], kept: int | None) -> list[float]:
-    """The lowest frequencies of all classes, or what one class gave. RuntimeError where a class gave too few to tell."""
+    """The lowest frequencies of all classes, or those of a single class. RuntimeError if a class returned too few."""
     together = sorted(frequency for values in classes for frequency in values)[:kept]
     if len(classes) > 1 and together[-1] >= min(max(values) for values in classes):
-        raise RuntimeError("a symmetry class was asked for too few modes")
+        raise RuntimeError("too few modes were requested of a symmetry class")
     return together

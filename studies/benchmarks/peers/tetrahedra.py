@@ -121,7 +121,7 @@ def _strength(space: Any, free: Any, vector: Any, probe: dict[str, Any]) -> floa
 
 
 def bands(mesh: Any, task: dict[str, Any], order: int) -> tuple[list[list[float]], int, float]:
-    """Ten bands at the corners; seconds of a general wavevector beside those before it."""
+    """Ten bands at the corners; seconds of a general wavevector and of those before it."""
 
     def at(k: list[float]) -> tuple[list[float], int, list[float]]:
         phase = [complex(np.exp(2j * math.pi * each)) for each in k]

@@ -169,22 +169,22 @@ BAD = {
     "cylindrical": (PLAIN.replace("*NODE", "*NODE, SYSTEM=C"), "SYSTEM=C is not read"),
     "a shell of volume": (PLAIN.replace("C3D8", "SC8R"), "SC8R is not read"),
     "no type": (PLAIN.replace("TYPE=C3D8, ", ""), r"\*ELEMENT without TYPE="),
-    "a row too short": (PLAIN.replace(", 7, 8\n2", ", 7\n2"), "are no rows of 9"),
-    "a word for a number": (PLAIN.replace("1, 4,", "1, four,"), "no set 'four'"),
+    "a row too short": (PLAIN.replace(", 7, 8\n2", ", 7\n2"), "do not form rows of 9"),
+    "a word for a number": (PLAIN.replace("1, 4,", "1, four,"), "set 'four' is not defined"),
     "a node that is not there": (
         PLAIN.replace("5, 8\n*ELSET", "5, 88\n*ELSET"),
         "group CLAMP: node 88 is not in the file",
     ),
     "an element's node that is not there": (PLAIN.replace("11, 12, 7", "11, 77, 7"), "element 2: node 77"),
     "an element twice": (PLAIN.replace("2, 2, 9", "1, 2, 9"), "element 1 is given twice"),
-    "a range backwards": (PLAIN + "*NSET, NSET=A, GENERATE\n9, 1, 1\n", "is no range"),
-    "an endless range": (PLAIN + "*NSET, NSET=A, GENERATE\n1, 999999999999, 1\n", "is no range"),
+    "a range backwards": (PLAIN + "*NSET, NSET=A, GENERATE\n9, 1, 1\n", "is not a range"),
+    "an endless range": (PLAIN + "*NSET, NSET=A, GENERATE\n1, 999999999999, 1\n", "is not a range"),
     "a missing file": (PLAIN + "*INCLUDE, INPUT=none.inc\n", "none.inc: no such mesh file"),
     "a device": (PLAIN + "*INCLUDE, INPUT=/dev/zero\n", "/dev/zero: not a regular file"),
     "itself": (PLAIN + "*INCLUDE, INPUT=body.inp\n", "includes itself"),
     "a face that is not there": (PLAIN + "*SURFACE, NAME=A\n1, S7\n", "face S7 of element 1"),
-    "a part that is not there": ("*INSTANCE, NAME=a, PART=b\n" + PLAIN, "which was not given before"),
-    "two loose parts": (f"*PART, NAME=a\n{PLAIN}*END PART\n*PART, NAME=b\n{PLAIN}*END PART\n", "2 parts and no"),
+    "a part that is not there": ("*INSTANCE, NAME=a, PART=b\n" + PLAIN, "which is not defined above"),
+    "two loose parts": (f"*PART, NAME=a\n{PLAIN}*END PART\n*PART, NAME=b\n{PLAIN}*END PART\n", "2 parts but no"),
 }
 
 

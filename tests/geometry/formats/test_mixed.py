@@ -192,7 +192,7 @@ BAD: list[tuple[str, dict[str, str], Cells, str]] = [
         CUBES | {"pyramid": CUBES["pyramid"][:1], "tetra": [*CUBES["tetra"], [2, 10, 14, 16], [2, 14, 6, 16]]},
         "2 triangular face.* lean against a square one.*pyramid must stand between",
     ),
-    ("orders", {"wedge": "wedge15"}, CUBES, "with and without middle nodes do not fit together"),
+    ("orders", {"wedge": "wedge15"}, CUBES, "with and without middle nodes cannot be combined"),
     ("flat", {}, {"pyramid": [[1, 5, 13, 9, 13]]}, "inverted or flat"),
 ]
 

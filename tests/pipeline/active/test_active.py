@@ -192,7 +192,7 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
         (("beam", "--frequency=-3kHz"), "above 0"),
         (("beam", "--delay", "4"), "--delay"),
         (("mason", "--frequency", "0"), "--frequency"),
-        (("mason", "--quality-factor", "inf"), "hit exactly"),
+        (("mason", "--quality-factor", "inf"), "lossless resonance"),
         (("mason", "--quality-factor", "0"), "--quality-factor"),
         (("mason", "--gain", "1"), "active mason: unrecognized arguments: --gain"),
         (("mason", "--settling-time", "2ms"), "active mason: unrecognized arguments: --settling-time"),
@@ -227,7 +227,7 @@ def test_what_is_wrong_is_told_in_one_line(arguments: tuple[str, ...], said: str
 def test_lossless_resonance_of_the_beam_is_told(capsys) -> None:
     exact = float(ActiveBeamData(quality_factor=inf).beam.natural_rad_s(7)[6]) / (2 * pi)
     assert run("beam", "--quality-factor", "inf", "--frequency", f"{exact!r}Hz") == 2
-    assert "hit exactly" in capsys.readouterr().err
+    assert "lossless resonance" in capsys.readouterr().err
     assert MasonData(quality_factor=inf).cell.loss == 0.0
 
 

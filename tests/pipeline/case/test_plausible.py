@@ -58,7 +58,7 @@ def test_python_and_studies_doubt_it_too(tmp_path: Path) -> None:
     import antinode
 
     file = written(tmp_path, *SLIPS["too stiff"])
-    with pytest.warns(antinode.Caution, match="MATERIAL: .*check the units"), pytest.raises(InputError):
+    with pytest.warns(antinode.AntinodeWarning, match="MATERIAL: .*check the units"), pytest.raises(InputError):
         antinode.load(file).response()
     log, case = RecordingLog(), load_case(file)
     with pytest.raises(InputError):

@@ -81,7 +81,7 @@ def test_modes_are_found_counted_and_clean(what: str, capsys: pytest.CaptureFixt
     result = answer(capsys, "modes", *MODES[what])
     count = result["count_check"]
     assert count["expected"] == count["found"] >= 1
-    assert max(mode["residual"] for mode in result["modes"]) <= eigen.CLEAN
+    assert max(mode["residual"] for mode in result["modes"]) <= eigen.CLEAN_RESIDUAL
 
 
 def test_bands_and_attenuation_are_found(capsys: pytest.CaptureFixture[str]) -> None:

@@ -369,13 +369,13 @@ FAULTS: list[tuple[str, Any, list[str]]] = [
     ("noise.med", lambda p: p.write_bytes(b"not hdf5"), ["not a readable MED file"]),
     ("noise.msh", lambda p: p.write_text("$Nothing\n"), ["not a readable mesh"]),
     ("noise.inp", lambda p: p.write_text("*NODE\n1, a, b\n"), ["noise.inp"]),
-    ("hex20.med", _hex20, ["element 0", "order not understood"]),
+    ("hex20.med", _hex20, ["element 0", "unknown node order"]),
     ("polygon.med", _polygon, ["PG2", "not supported"]),
     ("mixed.med", _mixed, ["triangular face(s) lean against a square one", "a pyramid must stand between"]),
     ("flat.msh", _triangles, ["no volume elements"]),
     ("flat.med", _flat_element, ["flat", "Jacobian"]),
-    ("bent.med", _bent, ["element", "order not understood"]),
-    ("loose.med", _loose_facet, ["SKIN", "no face of a volume element"]),
+    ("bent.med", _bent, ["element", "unknown node order"]),
+    ("loose.med", _loose_facet, ["SKIN", "do not belong to a volume element"]),
     ("two.med", _two_meshes, ["2 MED meshes", "exactly one"]),
 ]
 

@@ -222,7 +222,7 @@ def test_memory_that_runs_out_is_one_line(monkeypatch: pytest.MonkeyPatch, capsy
     assert main(["modes", SMALL, "--part", "zone", "--quiet"]) == 3
     (line,) = capsys.readouterr().err.splitlines()
     assert "memory ran out in the step 'solve class" in line
-    assert "8.39e+06 GiB were asked for at once" in line or "8388608 GiB were asked for at once" in line
+    assert "8.39e+06 GiB were requested at once" in line or "8388608 GiB were requested at once" in line
     assert "raise solve.accuracy" in line
 
 

@@ -82,7 +82,7 @@ def test_every_question_is_asked_here() -> None:
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in ASKED]
 )
-@pytest.mark.filterwarnings("ignore::antinode.Caution")
+@pytest.mark.filterwarnings("ignore::antinode.AntinodeWarning")
 def test_command_frame_and_record_hold_one_table(
     name: str, tmp_path: Path, coarsest_cells: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -19,9 +19,9 @@ from solvers.accuracy.mesh import (
     SMOOTH,
     UNRESOLVED,
     CoarserMeshes,
+    ErrorFractions,
     LowerOrders,
     Nested,
-    Shares,
     clamped_shares,
     coarser_eigenvalues,
     layer_share,
@@ -106,16 +106,16 @@ def test_the_bar_of_a_part_holds_the_finer_computation() -> None:
 def test_shares_are_between_the_exponents_and_grow_with_the_contrast() -> None:
     soft, hard = Material.isotropic("soft", 3e9, 1200.0, 0.37), Material.isotropic("hard", 400e9, 19300.0, 0.28)
     light, even, heavy = (rim_shares(*pair, MESH) for pair in ((hard, soft), (STEEL, STEEL), (soft, hard)))
-    assert light.taken < even.taken < heavy.taken and all(
-        0.0 < each.spread < each.taken for each in (light, even, heavy)
+    assert light.correction < even.correction < heavy.correction and all(
+        0.0 < each.uncertainty < each.correction for each in (light, even, heavy)
     )
     finer = rim_shares(STEEL, STEEL, replace(MESH, order=4))
-    assert finer.taken < even.taken  # outer elements of order 4 leave less
+    assert finer.correction < even.correction  # outer elements of order 4 leave less
 
 
 def test_nothing_singular_leaves_the_order_alone() -> None:
     layer, order = np.array([0.0, 0.0]), np.array([1e-3, -2e-3])
-    assert Shares().half_width(layer, order) == pytest.approx(SMOOTH * np.abs(order))
+    assert ErrorFractions().half_width(layer, order) == pytest.approx(SMOOTH * np.abs(order))
 
 
 def rod_hz(order: int, elements: int = 12) -> float:
@@ -164,9 +164,9 @@ def test_a_plate_longer_in_its_elements_than_thick_counts_less_of_its_last_order
 
 def test_a_mode_to_which_the_last_order_brought_nothing_has_half_the_bar_of_lower_ones() -> None:
     """Whatever the order of the modes; what the edge has is each mode's own, and no higher mode widens a lower one's bar."""
-    shares, none = Shares(order=3), np.zeros(3)
+    shares, none = ErrorFractions(order=3), np.zeros(3)
     changes, values = np.array([5e-2, 0.0, 1e-3]), np.array([2.0, 3.0, 1.0])
-    own = shares.away(none, changes)
+    own = shares.smooth_part(none, changes)
     assert shares.of_modes(values, none, changes) == pytest.approx([own[0], 0.5 * own[0], own[2]])
     foot = rim_shares(STEEL, STEEL, MESH)
     layer = np.array([0.0, 0.0, 1e-2])
@@ -178,7 +178,7 @@ def test_what_the_layer_brings_beyond_the_edges_part_is_doubted() -> None:
     foot = rim_shares(STEEL, STEEL, MESH)
     layer, order = np.array([1e-2, 1e-2, 1e-2]), np.array([2.0, 1.0, 0.25]) * foot.edge * 1e-2
     plain = replace(foot, doubt=0.0).half_width(layer, order)
-    assert foot.half_width(layer, order) - plain == pytest.approx(0.5 * foot.taken * np.array([0.0, 0.0, 0.75e-2]))
+    assert foot.half_width(layer, order) - plain == pytest.approx(0.5 * foot.correction * np.array([0.0, 0.0, 0.75e-2]))
     clamped = clamped_shares(STEEL, MESH)
     assert clamped.half_width(layer, order) == pytest.approx(replace(clamped, doubt=0.0).half_width(layer, order))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from solvers.measures.target_mode import LEAD, MAJORITY, PAST, reaching, verdict
+from solvers.measures.target_mode import LEAD, MAJORITY, WINDOW_MARGIN, verdict, widened_window
 
 NAN = np.nan
 
@@ -72,6 +72,6 @@ def test_the_order_of_the_modes_does_not_matter() -> None:
 
 
 def test_a_window_is_widened_to_both_sides_and_never_narrowed() -> None:
-    assert reaching((25e3, 45e3), 26e3) == ((1.0 - PAST) * 26e3, 45e3)
-    assert reaching((25e3, 45e3), 42e3) == (25e3, (1.0 + PAST) * 42e3)
-    assert reaching((25e3, 45e3), 35e3) == (25e3, 45e3)
+    assert widened_window((25e3, 45e3), 26e3) == ((1.0 - WINDOW_MARGIN) * 26e3, 45e3)
+    assert widened_window((25e3, 45e3), 42e3) == (25e3, (1.0 + WINDOW_MARGIN) * 42e3)
+    assert widened_window((25e3, 45e3), 35e3) == (25e3, 45e3)

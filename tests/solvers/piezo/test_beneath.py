@@ -12,7 +12,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
 from solvers.piezo import patch as beneath
-from solvers.piezo.patch import Beneath, bonded_patch
+from solvers.piezo.patch import StaticCorrection, bonded_patch
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 
@@ -53,7 +53,7 @@ def test_a_mirrored_place_gives_way_class_by_class_as_it_does_whole(
     place, whole = (beneath._Place.of(plate, patch, model.reductions, False) for _ in range(2))
     assert place.mirrors == axes
     whole.__dict__["mirrors"] = ()
-    ours, theirs = (Beneath(model.reductions)._static(each) for each in (place, whole))
+    ours, theirs = (StaticCorrection(model.reductions)._static(each) for each in (place, whole))
     assert np.linalg.eigvalsh(theirs)[0] > 0.0
     assert np.abs(ours - theirs).max() < 1e-11 * np.abs(theirs).max()
 

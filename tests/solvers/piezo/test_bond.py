@@ -34,7 +34,7 @@ def test_a_lift_is_told_exactly_or_refused(shape: str) -> None:
     pillar = Pillar(shape, 2e-3, 1.4e-3 if shape == "tapered" else 2e-3, 6e-3, ALUMINIUM)
     cell = Reductions(Stack.of(2e-3, ALUMINIUM), pillar, SETTINGS).cell(PANEL)
     if shape in ("round", "hexagonal"):
-        with pytest.raises(SolverError, match="no tensor grid"):
+        with pytest.raises(SolverError, match="do not form a tensor grid"):
             _field(cell, PLACES, np.eye(3), back=False)
         return
     assert cell.bare
@@ -49,5 +49,5 @@ def test_a_lift_is_told_exactly_or_refused(shape: str) -> None:
 def test_weights_are_for_grids_alone() -> None:
     grid = np.array([[x, y] for y in (0.0, 1.0, 2.0) for x in (0.0, 1.0)])
     assert grid_weights(grid[:4], 1, np.array([[0.5, 0.5]])) == pytest.approx(np.full((1, 4), 0.25))
-    with pytest.raises(SolverError, match="no tensor grid"):
+    with pytest.raises(SolverError, match="do not form a tensor grid"):
         grid_weights(grid[:5], 1, np.array([[0.5, 0.5]]))

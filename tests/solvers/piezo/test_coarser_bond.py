@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from solvers.accuracy.mesh import Shares
+from solvers.accuracy.mesh import ErrorFractions
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
 from solvers.piezo.patched_plate import CoarserBond, Group, extrapolated_modes
 
 VALUES = np.array([1.0, 2.0, 4.0])
-SHARES = Shares(taken=0.4, spread=0.1)
+SHARES = ErrorFractions(correction=0.4, uncertainty=0.1)
 
 
 def group(change: np.ndarray) -> Group:

@@ -25,7 +25,7 @@ from solvers.piezo import patch as piezo_patch
 from solvers.piezo import patched_plate
 from solvers.piezo.bond import Contact, displacement_at
 from solvers.piezo.forced import Drive, ForcedPlate, group_modes
-from solvers.piezo.patch import MESH, Beneath, _mesh, bonded_patch, patch_mesh, pillars_beneath, with_potential
+from solvers.piezo.patch import MESH, StaticCorrection, _mesh, bonded_patch, patch_mesh, pillars_beneath, with_potential
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, _bonds, coupled_classes
 from solvers.piezo.responses import frequency_errors, height_error
 from solvers.plates.assembled import PlateModel, Reductions
@@ -308,7 +308,7 @@ def test_a_patched_plate_has_the_same_modes_by_classes_and_as_a_whole() -> None:
     every = []
     for plates in ({symmetry: made.assembled(symmetry) for symmetry in CLASSES}, {WHOLE: made.assembled(None)}):
         patch = bonded_patch(PZ26, MIDDLE[0], THICK_M, True, HexSettings(2, 4e-3, 1, 0.15))
-        plate = PatchedPlate(plates, [patch], True, beneath=Beneath(made.reductions))
+        plate = PatchedPlate(plates, [patch], True, beneath=StaticCorrection(made.reductions))
         modes = [modes_in_band(group.pencil, *BAND_HZ).frequency_hz for group in plate.everything]
         every.append(np.sort(np.concatenate(modes)))
     assert len(every[0]) == len(every[1]) > 2
@@ -330,7 +330,7 @@ def test_a_thick_patch_leaves_stiffness_and_inertia_positive(thick_m: float, siz
     made, box = across_the_mirror(), np.array([-8e-3, 8e-3, -3e-3, 3e-3])
     plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
     patch = bonded_patch(PZ26, box, thick_m, True, replace(COARSE, size_m=size_m))
-    plate = PatchedPlate(plates, [patch], True, beneath=Beneath(made.reductions), at_hz=30e3)
+    plate = PatchedPlate(plates, [patch], True, beneath=StaticCorrection(made.reductions), at_hz=30e3)
     for group in plate.everything:
         assert group.coarser is not None
         for pencil in (group.pencil, group.coarser.join()):
@@ -350,7 +350,7 @@ def test_a_stiff_patch_on_a_soft_plate_has_the_frequencies_of_a_finer_mesh_of_it
     tones, bars = [], []
     for mesh in (COARSE, replace(COARSE, layers=2)):
         patch = bonded_patch(PZ26, box, 1e-3, True, mesh)
-        plate = PatchedPlate(plates, [patch], True, beneath=Beneath(made.reductions), at_hz=10e3)
+        plate = PatchedPlate(plates, [patch], True, beneath=StaticCorrection(made.reductions), at_hz=10e3)
         group = next(each for each in plate.groups if each.symmetries == ("SS",))
         basis = group_modes(group, (3e3, 25e3), (1.0, 1.0))
         tones.append(basis.frequency_hz)
@@ -367,7 +367,7 @@ def test_a_patch_felt_from_either_face_of_a_bare_plate_gives_it_the_same_frequen
     tones = []
     for back in (True, False):
         patch = bonded_patch(PZ26, MIDDLE[0], 1e-3, back, COARSE)
-        plate = PatchedPlate(plates, [patch], back, beneath=Beneath(made.reductions), at_hz=30e3)
+        plate = PatchedPlate(plates, [patch], back, beneath=StaticCorrection(made.reductions), at_hz=30e3)
         tones.append(np.concatenate([group_modes(each, BAND_HZ, (1.0, 1.0)).frequency_hz for each in plate.groups]))
     assert tones[0] == pytest.approx(tones[1], rel=1e-8)
 
@@ -393,7 +393,7 @@ def test_a_patch_whose_matrices_no_memory_holds_is_refused_before_they_are_made(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(machine, "room_bytes", lambda: 1e6)
-    with pytest.raises(TooLarge, match=r"a patch of 8 x 4 mm .* take shorter patches"):
+    with pytest.raises(TooLarge, match=r"a patch of 8 x 4 mm .* use shorter patches"):
         bonded_patch(PZ26, MIDDLE[0], 0.123e-3, True)
 
 
@@ -437,7 +437,7 @@ def test_over_pillars_shorter_elements_change_a_height_within_its_bar(monkeypatc
         monkeypatch.setattr(beneath_patches, "FOOT", share)
         patch = bonded_patch(PZ26, box, 0.3e-3, False, patch_mesh(design, model.tiling, box))
         plates = {symmetry: model.assembled(symmetry) for symmetry in CLASSES}
-        plate = PatchedPlate(plates, [patch], False, beneath=Beneath(model.reductions), at_hz=32e3)
+        plate = PatchedPlate(plates, [patch], False, beneath=StaticCorrection(model.reductions), at_hz=32e3)
         forced = ForcedPlate(plate, design, Drive((0,), (), (25e3, 40e3), 300.0))
         hz = float(forced.resonances_hz[0])
         heights.append((float(forced.curve(np.array([hz])).zone_rms_m_per_v[0]), height_error(forced, hz)))
@@ -448,7 +448,7 @@ def test_over_pillars_shorter_elements_change_a_height_within_its_bar(monkeypatc
 @pytest.mark.slow
 def test_a_patchs_image_is_felt_as_if_it_were_bonded_there() -> None:
     """The image's loads and stiffness are turned round; here both are bonded by themselves, the panels seen in mirrors."""
-    made, beneath = across_the_mirror(), Beneath(across_the_mirror().reductions)
+    made, beneath = across_the_mirror(), StaticCorrection(across_the_mirror().reductions)
     plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
     patch = bonded_patch(PZ26, np.array([-9e-3, -3.5e-3, -5e-3, -1.5e-3]), THICK_M, True, COARSE)
     plate = PatchedPlate(plates, [patch], True, beneath=beneath, at_hz=30e3)
@@ -467,7 +467,7 @@ def test_what_panels_lack_beneath_a_patch_is_less_with_more_modes(mesh: HexSetti
     """And positive, on finer elements than the panels' own as on coarser ones, which lack more than the panels do."""
     few, many = (plate_of(top_hz, 4e-3) for top_hz in (300e3, 900e3))
     patch = bonded_patch(PZ26, np.array([-2e-3, 2e-3, -1e-3, 1e-3]), THICK_M, True, mesh)
-    lacking = [Beneath(each.reductions).flexibility(each.assembled("SS"), patch, True) for each in (few, many)]
+    lacking = [StaticCorrection(each.reductions).flexibility(each.assembled("SS"), patch, True) for each in (few, many)]
     most = [np.linalg.eigvalsh(each) for each in lacking]
     assert all(values[0] > -1e-12 * values[-1] for values in most)
     assert most[1][-1] < most[0][-1]
@@ -478,7 +478,7 @@ def test_what_a_plate_gives_way_is_kept_between_runs_and_belongs_to_that_plate(m
     """A second run computes nothing and has the same digits; another thickness or material is not taken for this one."""
     made, kept = plate_of(300e3, 4e-3), KeptMatrices()
     plate, patch = made.assembled("SS"), bonded_patch(PZ26, MIDDLE[0], THICK_M, True, COARSE)
-    first = Beneath(made.reductions, kept).flexibility(plate, patch, True)
+    first = StaticCorrection(made.reductions, kept).flexibility(plate, patch, True)
     others = [
         {"stack": Stack.of(2.5e-3, ALUMINIUM)},
         {"stack": Stack.of(DESIGN.thickness_m, MATERIALS["steel"])},
@@ -486,28 +486,28 @@ def test_what_a_plate_gives_way_is_kept_between_runs_and_belongs_to_that_plate(m
     ]
     for other in others:
         place = beneath_patches._Place.of(plate, patch, made.reductions, True)
-        Beneath(replace(made.reductions, **other), kept)._lacking(plate, place)
+        StaticCorrection(replace(made.reductions, **other), kept)._missing_flexibility(plate, place)
     finer = replace(made.reductions.reduction, top_hz=350e3)
-    Beneath(replace(made.reductions, reduction=finer), kept)._lacking(plate, place)
+    StaticCorrection(replace(made.reductions, reduction=finer), kept)._missing_flexibility(plate, place)
     assert len(kept) == 2 * (1 + len(others)) + 1, (
         "fine mesh and what is lacking; the fine mesh is no matter of reduction"
     )
-    monkeypatch.setattr(Beneath, "_static", lambda self, place: pytest.fail("computed again"))
-    assert np.array_equal(Beneath(made.reductions, kept).flexibility(plate, patch, True), first)
+    monkeypatch.setattr(StaticCorrection, "_static", lambda self, place: pytest.fail("computed again"))
+    assert np.array_equal(StaticCorrection(made.reductions, kept).flexibility(plate, patch, True), first)
 
 
 @pytest.mark.slow
 def test_what_is_told_of_a_patch_at_the_plates_free_end_does_not_stand_for_one_inside() -> None:
     """Panels alike, the patch at the same place on them; asked one after another, and each by itself."""
     made = plate_of(300e3, 4e-3)
-    plate, lines, beneath = made.assembled("SS"), made.tiling.x, Beneath(made.reductions)
+    plate, lines, beneath = made.assembled("SS"), made.tiling.x, StaticCorrection(made.reductions)
     width, half = lines[-1] - lines[-2], THICK_M
     boxes = [
         np.array([middle - half, middle + half, -1e-3, 1e-3]) for middle in (lines[-1] - width, lines[-1] - 2.0 * width)
     ]
     ours = [beneath.flexibility(plate, bonded_patch(PZ26, box, THICK_M, True, COARSE), True) for box in boxes]
     alone = [
-        Beneath(made.reductions).flexibility(plate, bonded_patch(PZ26, box, THICK_M, True, COARSE), True)
+        StaticCorrection(made.reductions).flexibility(plate, bonded_patch(PZ26, box, THICK_M, True, COARSE), True)
         for box in boxes
     ]
     assert all(
@@ -521,7 +521,7 @@ def test_a_bonded_patch_is_held_as_softly_as_by_the_whole_solid() -> None:
     """The solid's coarse mesh lies 0.2 to 0.4 % above a finer one; without the panels' own flexibility ours does so, too."""
     box, made = MIDDLE[0], plate_of(300e3, 4e-3)
     solid, errors = conforming(box), []
-    for beneath in (Beneath(made.reductions), None):
+    for beneath in (StaticCorrection(made.reductions), None):
         plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
         plate = PatchedPlate(plates, [bonded_patch(PLAIN, box, THICK_M, True)], True, beneath=beneath)
         mine = [modes_in_band(group.pencil, *BAND_HZ).frequency_hz for group in plate.everything]

@@ -127,7 +127,7 @@ def test_sensor_on_a_node_is_named():
     matrix = matrix_of(3)
     matrix[1] = 0.0
     for refuse in (coupling_index, conditioning):
-        with pytest.raises(SolverError, match=r"sensor 2 answers no actuator .* sits on a node"):
+        with pytest.raises(SolverError, match=r"sensor 2 answers to no actuator .* sits on a node"):
             refuse(matrix)
     beam = PatchedBeam(centres_m=(0.03, 0.075))
     table = point_beam_table(beam, 4)  # the middle is a node of modes 2 and 4
@@ -135,7 +135,7 @@ def test_sensor_on_a_node_is_named():
         table.frequencies_hz[[1, 3]], table.quality_factor[:2], table.actuators[[1, 3]], table.sensors[[1, 3]],
         table.field[[1, 3]], table.points_m,
     )  # fmt: skip
-    with pytest.raises(SolverError, match="sensor 2 answers no actuator"):
+    with pytest.raises(SolverError, match="sensor 2 answers to no actuator"):
         conditioning(sensor_matrix(odd, 1000.0))
 
 
@@ -194,7 +194,7 @@ def test_limits_are_reached_in_any_unit():
         ((np.eye(2), np.zeros(2)), "zero everywhere"),
         ((np.eye(2), np.ones(2), 0.0), "must be above 0"),
         ((np.array([[np.inf]]), np.ones(1)), "not finite"),
-        ((np.zeros((2, 2)), np.ones(2)), "answers no actuator"),
+        ((np.zeros((2, 2)), np.ones(2)), "answers to no actuator"),
     ],
 )
 def test_inversions_that_cannot_be_are_refused(arguments, message):

@@ -153,7 +153,7 @@ def test_best_contrast_is_the_best_of_a_grid_of_two_voltages():
         for p in np.linspace(0, 2 * pi, 181)
     ]
     assert max(grid) <= best * (1 + 1e-12) and max(grid) == pytest.approx(best, rel=1e-3)
-    with pytest.raises(SolverError, match="contrast has no bound"):
+    with pytest.raises(SolverError, match="contrast is unbounded"):
         best_contrast(field, np.arange(9) != 0)
 
 

@@ -90,7 +90,7 @@ def test_the_halves_are_what_the_mirror_leaves_alone_and_what_it_turns_over(sign
     for result, whole in ((half.pencil.stiffness, body.stiffness.toarray()), (half.pencil.mass, mass)):
         truth = fold.T @ whole @ fold
         assert np.abs(result.toarray() - truth).max() < 1e-12 * np.abs(truth).max()
-    assert np.allclose(half.gathered(fold), np.eye(half.pencil.dof))
+    assert np.allclose(half.restrict(fold), np.eye(half.pencil.dof))
 
 
 def test_both_halves_together_are_the_whole() -> None:

@@ -88,7 +88,7 @@ def test_what_rounding_leaves_of_entries_that_symmetry_makes_zero_is_not_stored(
     """Two fixed-interface modes of a cell do not mix: half of what was stored was rounding, and filled every factor."""
     plate = model(FINE_HZ, False).assembled("SS")
     clean = plate.pencil()
-    monkeypatch.setattr(plate_module, "DUST", 0.0)
+    monkeypatch.setattr(plate_module, "DROP_TOLERANCE", 0.0)
     whole = plate.pencil()
     assert clean.mass.nnz < 0.7 * whole.mass.nnz
     for one, other in ((clean.stiffness, whole.stiffness), (clean.mass, whole.mass)):

@@ -32,7 +32,7 @@ def test_a_small_amplitude_lifts_with_its_square_and_friction_falls_by_that_shar
     [
         (FILM, 5e-6, "not below a gap of 5 um"),
         (FILM, 2e-6, "more than the finger's 0.5 N"),
-        (SqueezeFilm(5e-7, 5e-3, 0.5), 1e-9, "no continuum"),
+        (SqueezeFilm(5e-7, 5e-3, 0.5), 1e-9, "not a continuum"),
         (SqueezeFilm(40e-6, 5e-3, 0.5), 1e-9, "air escapes"),
     ],
 )

@@ -201,18 +201,18 @@ def test_a_foot_flush_with_the_edge_stays_there_and_grows_inwards() -> None:
 
 @pytest.mark.slow
 def test_only_what_was_reached_is_interpolated(middle: CellFamily) -> None:
-    with pytest.raises(SolverError, match="interpolated up to"):
+    with pytest.raises(SolverError, match="interpolation reaches"):
         middle.at(np.array([0.16e-3, 0.0, 0.0, 0.0]))
     narrow = cell_family(SETTING, MIDDLE, np.array([0.1e-3, 0.0, 0.0, 0.0]))
     assert narrow.nodes == ((-1, 0, 0, 0), (1, 0, 0, 0))
-    with pytest.raises(SolverError, match="interpolated up to"):
+    with pytest.raises(SolverError, match="interpolation reaches"):
         narrow.at(np.array([0.0, 0.01e-3, 0.0, 0.0]))
 
 
 def test_a_pillar_that_reaches_out_of_its_piece_and_one_that_cannot_grow_are_refused() -> None:
     varied = VariedPanel(MIDDLE, THICK_M, PILLAR, REDUCTION.hexahedra, (0, 1))
     for change, said in (
-        (PillarChange(x_m=1.1e-3), "too wide for the pitch"),
+        (PillarChange(x_m=1.1e-3), "increase the pitch"),
         (PillarChange(height_m=-5e-3), "above 0"),
     ):
         with pytest.raises(MeshError, match=said):

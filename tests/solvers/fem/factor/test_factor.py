@@ -141,7 +141,7 @@ def test_the_variable_names_the_factorisation(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setenv("ANTINODE_FACTOR", "superlu")
     assert Factoriser().backend == "superlu"
     monkeypatch.setenv("ANTINODE_FACTOR", "abacus")
-    with pytest.raises(SolverError, match=r"'abacus' is not installed; there is .*superlu"):
+    with pytest.raises(SolverError, match=r"'abacus' is not installed; use .*superlu"):
         Factoriser()
 
 

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from solvers import machine
 from solvers.fem import factor as rslab
-from solvers.fem.factor import Kept
+from solvers.fem.factor import ThreadBound
 
 Touches = list[tuple[str, int]]
 
@@ -53,7 +53,7 @@ def elsewhere(call: Callable[[], Any]) -> Any:
 def settled() -> None:
     """Whatever finalizers handed over has been done."""
     gc.collect()
-    for each in {id(one): one for one in (*rslab._idle, rslab._own.lease.keeper)}.values():
+    for each in {id(one): one for one in (*rslab._free_owners, rslab._own.lease.owner)}.values():
         each.run(lambda: None)
 
 
@@ -66,7 +66,7 @@ def alone(touches: Touches) -> bool:
 
 def pair(touches: Touches) -> list[Any]:
     """A thing that is kept and another made of it, both used, one by a thread that has ended since."""
-    kept = Kept(lambda: Jealous(touches))
+    kept = ThreadBound(lambda: Jealous(touches))
     other = kept.make(lambda own: Jealous(own.touches))
     assert kept.use(Jealous.used) == elsewhere(lambda: other.use(Jealous.used)) == 7
     return [kept, other]
@@ -84,7 +84,7 @@ def forget_in_a_cycle(things: list[Any]) -> None:
     things.append(things)
 
 
-def free(things: list[Kept[Jealous]]) -> None:
+def free(things: list[ThreadBound[Jealous]]) -> None:
     touches = things[0].use(lambda own: own.touches)
     elsewhere(lambda: [each.free() for each in things])
     assert [name for name, _ in touches].count("freed") == 2
@@ -102,7 +102,7 @@ def test_one_thread_alone_makes_uses_and_frees(end: Callable[[list[Any]], None])
 
 def test_an_exception_takes_nothing_to_another_thread() -> None:
     touches: Touches = []
-    kept = Kept(lambda: Jealous(touches))
+    kept = ThreadBound(lambda: Jealous(touches))
     with pytest.raises(RuntimeError, match="no") as caught:
         kept.make(Jealous.fail)
     fault = caught.value
@@ -116,7 +116,7 @@ def test_an_exception_takes_nothing_to_another_thread() -> None:
 def test_a_process_of_one_thread_keeps_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ANTINODE_THREADS", "1")
     touches: Touches = []
-    kept = Kept(lambda: Jealous(touches))
+    kept = ThreadBound(lambda: Jealous(touches))
     other = kept.make(lambda own: Jealous(own.touches))
     assert kept.use(Jealous.used) == 7
     del kept
@@ -126,11 +126,11 @@ def test_a_process_of_one_thread_keeps_to_it(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_threads_that_end_leave_their_keeper_to_the_next() -> None:
-    """A keeper each for as many threads as there ever were at once, not for as many as there ever were."""
-    elsewhere(lambda: Kept(object))
+    """One owner thread for as many threads as there ever were at once, not for as many as there ever were."""
+    elsewhere(lambda: ThreadBound(object))
     before = threading.active_count()
     for _ in range(20):
-        elsewhere(lambda: Kept(object))
+        elsewhere(lambda: ThreadBound(object))
     assert threading.active_count() == before
 
 
