@@ -63,6 +63,7 @@ GIVEN_HZ = Form("kHz", 1e-3, is_given=True)
 
 ENDINGS = {
     "_error_db": Form("dB"),
+    "_rms_error_m_per_V": Form("nm/V", 1e9),
     "_error": PERCENT,
     "_hz": Form("kHz", 1e-3),
     "_rms_m_per_V": Form("nm/V", 1e9),
@@ -81,9 +82,9 @@ NAMES = {
     "detuning_hz": ("detuning", GIVEN_HZ),
     "kx_per_m": ("kx", Form("rad/m", is_given=True)),
     "ky_per_m": ("ky", Form("rad/m", is_given=True)),
-    "db_per_row": ("decay per row", Form("dB")),
+    "db_per_row": ("attenuation per row", Form("dB")),
     "quality_error": ("± quality factor", Form("")),
-    "db_error": ("± decay per row", Form("dB")),
+    "db_error": ("± attenuation per row", Form("dB")),
     "formula_hz": ("beam formula", KHZ),
     "pinned_hz": ("pinned sides (Mindlin)", KHZ),
     "thin_clamped_hz": ("clamped sides (thin plate)", KHZ),

@@ -185,7 +185,7 @@ def test_a_command_that_is_ended_says_so_and_leaves_the_signals_as_they_were(
     try:
         before = signal.getsignal(number)
         assert run("predesign", CASE) == 130
-        assert lines(capsys.readouterr().err) == ["antinode: interrupted; what was finished is kept"]
+        assert lines(capsys.readouterr().err) == ["antinode: interrupted; finished work is kept"]
         assert signal.getsignal(number) is before
     finally:
         signal.signal(number, inherited)
@@ -233,5 +233,5 @@ def test_a_limit_of_threads_that_is_none_is_wrong_input(
     monkeypatch.setenv("ANTINODE_THREADS", given)
     assert main.main(["materials"]) == 2
     assert capsys.readouterr().err == (
-        f"antinode: ANTINODE_THREADS = {given!r}: must be a whole number of threads, 0 for every core\n"
+        f"antinode: ANTINODE_THREADS = {given!r}: must be a whole number of threads; 0 uses every core\n"
     )

@@ -121,4 +121,4 @@ def test_the_command_writes_document_rows_and_picture(
     assert "3 plates whose pillars are all off by the same" in scattered.pictures()[0].alt
     assert "all of a plate off by the same" in capsys.readouterr().out
     assert main([*command, "--band", "30kHz:34kHz"]) == 2
-    assert "must be left out beside --alike" in capsys.readouterr().err
+    assert "cannot be combined with --alike" in capsys.readouterr().err
