@@ -23,7 +23,7 @@ class HybridMethod(Part):
     """Confinement by one method over frequency.
 
     "neither" and "rows" drive the patches inside the zone in phase with the target mode; "patches" and "both" drive
-        all patches with the voltages of the largest contrast. The plate has rows of pillars for "rows" and "both".
+    all patches with the voltages of the largest contrast. The plate has rows of pillars for "rows" and "both".
     """
 
     method: str = column("neither, rows, patches or both")
