@@ -33,7 +33,7 @@ DRAWN = 0.4  # largest displacement as first drawn, relative to the pillars' hei
 PERIOD_MS, FRAME_MS = 1600, 40
 KEYS = "space plays and pauses, n shows the next shape, up and down change the amplitude"
 PICTURES, SIZE, STEPS = (".png", ".gif"), (960, 600), 24  # file endings, pixels, and frames per period
-INSTEAD = "`antinode report STUDY` writes a page with animated shapes for a browser"
+NO_DISPLAY_HINT = "`antinode report STUDY` writes a page with animated shapes for a browser"
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def view(arguments: Namespace) -> int:
     if place:
         outputs.check_files("--off-screen", [place])
     elif missing := display_fault():
-        raise NotAvailable(f"view: {missing}; without a window, --off-screen FILE.png draws one, and {INSTEAD}")
+        raise NotAvailable(f"view: {missing}; without a window, --off-screen FILE.png draws one, and {NO_DISPLAY_HINT}")
     if kind == "file":
         scene = of_vtu(Path(arguments.target))
     elif kind == "case":
@@ -249,7 +249,7 @@ def draw(scene: Scene, place: Path) -> None:
     film = place.suffix.lower() == ".gif" and bool(scene.shapes)
     pixels, fault = rendering.drawn_apart(_frames, replace(scene, shapes=scene.shapes[:1]), STEPS if film else 1)
     if fault:
-        raise NotAvailable(f"--off-screen: {fault}; {INSTEAD}")
+        raise NotAvailable(f"--off-screen: {fault}; {NO_DISPLAY_HINT}")
     first, *others = (Image.fromarray(each) for each in pixels)
     more: dict[str, Any] = {"save_all": True, "append_images": others, "duration": PERIOD_MS // STEPS, "loop": 0}
     with outputs.delivered(place) as temporary:

@@ -237,7 +237,7 @@ def _case(arguments: argparse.Namespace, kind: Kind) -> Case | None:
     if kind.without_case:
         return of_case(arguments, load_case(STUDIES / kind.without_case, arguments.set))
     if arguments.set:
-        raise InputError("--set: requires a CASE to change")
+        raise InputError("--set: needs a CASE to change")
     return None
 
 
@@ -250,7 +250,7 @@ def _asked(arguments: argparse.Namespace) -> Kind:
         line for other in (own, *variants) if other is not kind for line in _others_options(arguments, kind, other)
     ]
     if getattr(arguments, "save_all_fields", False) and not (arguments.out or arguments.explain):
-        lines.append("--save-all-fields: requires --out DIR, the folder for fields.npz")
+        lines.append("--save-all-fields: needs --out DIR, the folder for fields.npz")
     if lines:
         raise InputError(lines)
     return kind
@@ -272,7 +272,7 @@ def _others_options(arguments: argparse.Namespace, kind: Kind, other: Kind) -> I
         by = (other if needed else kind).by[0]
         selected = (other if needed else kind).options[by]
         why = (
-            f"requires {flag(by, selected)} {selected.metavar}"
+            f"needs {flag(by, selected)} {selected.metavar}"
             if needed
             else f"cannot be combined with {flag(by, selected)}: remove one of them"
         )

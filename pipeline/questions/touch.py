@@ -90,7 +90,7 @@ class TouchResult(Result, table="states", axes=("state",)):
     # -- pictures
 
     def draw(self, ax: Axes) -> None:
-        """Draw the amplitude at each position of the finger, with the free plate's nodal lines; without a map the states."""
+        """Draw the amplitude at each position of the finger and the nodal lines; without a map the states."""
         if self.map is None:
             sizes = [state.finger_m / UM for state in self.states]
             ax.barh([state.state for state in self.states], sizes, color=style.BLUE)

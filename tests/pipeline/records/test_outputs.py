@@ -164,7 +164,7 @@ def test_libraries_say_nothing_where_no_home_can_be_written(case: Path) -> None:
     [
         (["--unit", "mm"], "--unit = mm: needs --mesh-file"),
         (["--clamp", "FOOT"], "--clamp = FOOT: needs --mesh-file"),
-        (["--near", "3kHz", "--band", "1kHz:2kHz"], "--near = 3kHz: must be left out beside --band"),
+        (["--near", "3kHz", "--band", "1kHz:2kHz"], "--near = 3kHz: cannot be combined with --band"),
     ],
 )
 def test_options_without_effect_are_refused(
