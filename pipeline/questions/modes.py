@@ -82,7 +82,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     confinement_error_db = figure_at(
         "found.confinement_error_db", "expected error of the confinement", "dB", error="found.confinement_error_db"
     )
-    zone_to_extension_db = figure_at("found.extension_db", "zone to extension", "dB")
+    zone_to_extension_db = figure_at("found.extension_db", "zone to margin", "dB")
     mac = figure_at("found.mac", "MAC")
     zone_share = figure_at("found.zone_share", "zone fraction")
     pillar_share = figure_at("found.pillar_energy_share", "fraction of energy in the pillars")
