@@ -226,7 +226,7 @@ def test_what_does_not_fit_is_named_and_no_picture_is_missing(
     page = Page(report_page.build(copy).read_text())
     assert 2 < len(page.all("img")) < 12 and all(i["src"].startswith("data:") for i in page.all("img"))
     assert sum(len(image["src"]) for image in page.all("img")) < room
-    assert "Also drawn, in the case's folder pictures" in page.text
+    assert "Further pictures in the case's folder pictures" in page.text
     stored_pictures = store.read_json(copy / "pitch_mm=4,rows=1/pictures/index.json")["pictures"]
     alt_texts = {image["alt"] for image in page.all("img")}
     assert all(picture["alt"] in alt_texts or picture["title"] in page.text for picture in stored_pictures)
