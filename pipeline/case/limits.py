@@ -42,7 +42,7 @@ GAP_UM: Range = (0.7, 100.0)
 MAX_WAVENUMBER = 3e6
 """rad/m: pi over the shortest length of a case."""
 MAX_NODAL_LINES = 1000
-"""Of the target mode along its zone."""
+"""Nodal lines of the target mode along its zone."""
 MAX_ZONES = 20
 """Each is one more plate to assemble."""
 MAX_PATCHES = 2000

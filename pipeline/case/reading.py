@@ -77,7 +77,7 @@ class Diagnostics:
         self.overridden = frozenset(overridden)
         self.lines: list[str] = []
         self.keys: set[str] = set()
-        self.untold = 0
+        self.unlisted = 0
 
     def origin(self, key: str) -> str:
         """Return the name of the file, or --set if the key or part of it was set on the command line."""
@@ -99,7 +99,7 @@ class Diagnostics:
     def _note(self, key: str, line: str) -> None:
         self.keys.add(key)
         if len(self.lines) >= MAX_LINES:
-            self.untold += 1
+            self.unlisted += 1
         elif line not in self.lines:
             self.lines.append(line)
 
@@ -111,7 +111,7 @@ class Diagnostics:
     def stop(self) -> None:
         """Raise InputError with every line, if any; beyond MAX_LINES, with their number."""
         if self.lines:
-            more = [f"{self.file}: {self.untold} more errors"] if self.untold else []
+            more = [f"{self.file}: {self.unlisted} more errors"] if self.unlisted else []
             raise InputError([*self.lines, *more])
 
 

@@ -27,7 +27,7 @@ GROUPS = ("case", "files", "plan")  # of options that every question has
 # Arguments that name input files: these files are never overwritten.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
 
-FAMILIES = {"active": ("analogy and control models", "active beam --gain 1e7 --gain 1e8 --out beam")}
+FAMILIES = {"active": ("compute analogy and control models", "active beam --gain 1e7 --gain 1e8 --out beam")}
 MAX_DIGITS = 40  # characters
 DONE, WRONG_INPUT, NOT_TRUSTED, CHECK_FAILED, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
 

@@ -315,7 +315,7 @@ class _Motion:
         name, shape = self.scene.shapes[self.number]
         self.shape = shape / max(float(np.abs(shape).max()), 1e-300)
         self.level = self.shape[:, 2] / max(float(np.abs(self.shape[:, 2]).max()), 1e-300)
-        self.plotter.add_text(f"{self.scene.title}: {name}{self.keys}", font_size=9, color="black", name="told")
+        self.plotter.add_text(f"{self.scene.title}: {name}{self.keys}", font_size=9, color="black", name="title")
         self._draw()
 
     def _toggle(self) -> None:

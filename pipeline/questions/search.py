@@ -162,8 +162,8 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
             text = f", {signed(own)}"
         yield f"best:    {self.best.text(self.goal)}{text}"
         for name, design in (self.solid or {}).items():
-            told = f"{level(design.confinement_db)} at {frequency(design.frequency_hz or 0.0)}"
-            yield f"solid mesh, {name}: {told}"
+            text = f"{level(design.confinement_db)} at {frequency(design.frequency_hz or 0.0)}"
+            yield f"solid mesh, {name}: {text}"
         command = "modes" if self.best.isolation_db is None else "crosstalk"
         yield f"to repeat: antinode {command} {self.file} " + " ".join(f"--set {part}" for part in self.repeat)
 

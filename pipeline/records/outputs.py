@@ -83,6 +83,7 @@ NAMES = {
     "kx_per_m": ("kx", Form("rad/m", is_given=True)),
     "ky_per_m": ("ky", Form("rad/m", is_given=True)),
     "db_per_row": ("attenuation per row", Form("dB")),
+    "zone_share": ("zone fraction", Form("")),
     "quality_error": ("± quality factor", Form("")),
     "db_error": ("± attenuation per row", Form("dB")),
     "formula_hz": ("beam formula", KHZ),

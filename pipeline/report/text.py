@@ -226,9 +226,9 @@ def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:
     name = f"Rows for {CONFINED_DB:g}{WIDE}dB"
     enough = [case.sweep["array.rows"] for case in _like(study, best) if case.record.confined]
     if enough:
-        endless = f"; {per_row}an infinite array would need {estimate}" if estimate else ""
+        infinite = f"; {per_row}an infinite array would need {estimate}" if estimate else ""
         return Card(
-            name, str(min(enough)), f"the fewest that confine it on a finite plate{endless}{_source(study, best)}"
+            name, str(min(enough)), f"the fewest that confine it on a finite plate{infinite}{_source(study, best)}"
         )
     if estimate:
         return Card(name, f"≥ {estimate}", f"{per_row}an estimate for an infinite array{_source(study, best)}")

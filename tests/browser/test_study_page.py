@@ -120,7 +120,7 @@ def test_the_filter_takes_words_and_comparisons(visit: Visits, study: Path) -> N
 def test_a_mode_moves_and_stops_by_keyboard(visit: Visits, study: Path) -> None:
     page = visit(study).page
     canvas = moving(page)
-    assert not page.get_by_text("need scripts").count()
+    assert not page.get_by_text("need JavaScript").count()
     start, first = frames(canvas), canvas.screenshot()
     page.wait_for_function("([it, n]) => Number(it.dataset.frames) > n + 3", arg=[canvas.element_handle(), start])
     assert canvas.screenshot() != first
@@ -311,7 +311,7 @@ def test_without_scripts_words_tables_and_pictures_are_there(visit: Visits, stud
     assert page.locator("#cases-table tbody tr").count() == 3
     assert page.locator("#summary .card").count() >= 4
     assert (
-        page.get_by_text("The diagram needs scripts").is_visible()
+        page.get_by_text("The diagram needs JavaScript").is_visible()
         and page.get_by_text("Animated shapes need").first.is_visible()
     )
     assert all(image.get_attribute("src") for image in page.locator("img").all())

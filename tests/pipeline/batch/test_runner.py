@@ -363,7 +363,7 @@ def test_a_lost_scheduler_is_told_in_one_line_with_what_to_do():
     planned = tuple(job.Planned(f"c{i}", "new") for i in range(5))
     outcome = runner.StudyOutcome(Path("x"), planned, (), ("c3", "c4"), ("c3",))
     text = study_commands._lost("tcp://host:8786", outcome)
-    assert "tcp://host:8786" in text and "1 of 5 were at work" in text and "The 3 finished ones are kept" in text
+    assert "tcp://host:8786" in text and "1 of 5 were running" in text and "The 3 finished ones are kept" in text
     assert "repeat the command" in text and "CancelledError" not in text
 
 

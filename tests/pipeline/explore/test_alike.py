@@ -119,6 +119,6 @@ def test_the_command_writes_document_rows_and_picture(
     assert (tmp_path / "tolerance.csv").read_text().splitlines()[0] == "sample,peak_hz,confinement_db,tracking"
     assert (tmp_path / "tolerance.png").exists()
     assert "3 plates, each with one deviation of all its pillars" in scattered.pictures()[0].alt
-    assert "all of a plate off by the same" in capsys.readouterr().out
+    assert "one deviation shared by all of a plate" in capsys.readouterr().out
     assert main([*command, "--band", "30kHz:34kHz"]) == 2
     assert "cannot be combined with --alike" in capsys.readouterr().err

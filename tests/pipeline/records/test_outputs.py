@@ -67,7 +67,7 @@ def nothing_computed(monkeypatch: pytest.MonkeyPatch) -> None:
         ("export aster c.toml -o -", "several files (-.med, -.comm, -.export, -_README.txt)"),
         ("export table c.toml -o -", "several files (-.bin, -.h)"),
         ("export table c.toml -o fifo", "several files (fifo.bin, fifo.h)"),
-        ("export stl c.toml -o - --json -", "standard output takes one document"),
+        ("export stl c.toml -o - --json -", "standard output takes a single document"),
         ("export stl c.toml -o x.stl --json ./x.stl", "--json writes this file, too"),
         ("modes c.toml --json no/x.json", "no folder no"),
         ("modes c.toml --json x --csv ./x", "--json writes this file, too"),

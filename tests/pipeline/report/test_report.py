@@ -322,7 +322,7 @@ def test_a_thousand_cases_stay_a_light_page(tmp_path: Path):
 
 
 def test_no_study_is_one_clear_line(tmp_path: Path):
-    with pytest.raises(store.BadRecord, match="no study is stored here"):
+    with pytest.raises(store.BadRecord, match="no stored study"):
         report_page.build(tmp_path)
 
 
@@ -372,7 +372,7 @@ def test_a_record_of_another_version_is_one_line_and_spoils_no_other(folder: Pat
     path = copy / "pitch_mm=6,rows=1/record.json"
     store.seal(path.parent, {**json.loads(path.read_text()), **harm})
     page = Page(report_page.build(copy, max_figures=0).read_text())
-    said = re.search(r"record.json (has schema [01], this version reads|is not a record of schema) 4", page.text)
+    said = re.search(r"record.json (has schema \d, this version reads|is not a record of schema) 5", page.text)
     assert page.read_errors == [] and said
     assert "31.5\u202fkHz" in page.text
 
