@@ -229,7 +229,7 @@ def test_a_table_on_standard_output_is_alone(
     assert main(["materials", "--markdown", place]) == 0
     assert capsys.readouterr().out.splitlines()[2].startswith("| aluminium | 70 |")
     assert main(["predesign", SMALL, "--csv", place, "--json", place]) == 2
-    assert "--csv" in (said := capsys.readouterr()).err and "one document" in said.err and not said.out
+    assert "--csv" in (said := capsys.readouterr()).err and "a single document" in said.err and not said.out
 
 
 def test_gaps_of_some_waves_alone_are_told_when_asked_for(
