@@ -1,1 +1,1 @@
-"""From a case file to files: what every folder may use stands here."""
+"""From a case file to result files; the top-level modules are shared by all folders."""

@@ -1,4 +1,4 @@
-"""What a command raises, each with the exit code it stands for."""
+"""Errors of commands, each with its exit code."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ MAX_LINE_LENGTH, MAX_END = 2000, 400
 
 
 def one_line(text: str) -> str:
-    """A message as one line that any terminal shows: control characters escaped, the middle of a very long one left out."""
+    """Return a message as one printable line: control characters escaped, a very long one shortened in the middle."""
     if len(text) > MAX_LINE_LENGTH:
         text = f"{text[: MAX_LINE_LENGTH - MAX_END]} ... {text[-MAX_END:]}"
     return text if text.isprintable() else "".join(map(_printable, text))
@@ -19,12 +19,12 @@ def _printable(letter: str) -> str:
 
 
 def reason(fault: Exception) -> str:
-    """Why a file cannot be read, without the system's number and the file's name over again."""
+    """Return why a file cannot be read, without the errno and a repeated file name."""
     return getattr(fault, "strerror", None) or str(fault)
 
 
 class CommandError(Exception):
-    """A refusal or failure, said to the user in one line per reason without a traceback."""
+    """An expected failure, shown to the user in one line per reason without a traceback."""
 
     exit_code = 1
 
@@ -34,7 +34,7 @@ class CommandError(Exception):
 
 
 class InputError(CommandError):
-    """The input is wrong; every line of `lines` says where, what came and what is allowed.
+    """The input is wrong; every line of `lines` names the place, the value and what is allowed.
 
     >>> import antinode
     >>> try:
@@ -48,12 +48,12 @@ class InputError(CommandError):
 
 
 class CheckFailed(CommandError):
-    """A check did not hold; every line says by how much."""
+    """A check failed; every line says by how much."""
 
     exit_code = 4
 
 
 class NotAvailable(CommandError):
-    """Not in this version or not on this machine; the line says what is missing and how to get it."""
+    """Not available in this version or on this machine; the line says what is missing and how to get it."""
 
     exit_code = 5

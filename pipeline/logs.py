@@ -1,4 +1,4 @@
-"""Logs of a computation: to the terminal, to nobody, or to run.mess, in the manner of Code_Aster's message file."""
+"""Logs of a computation: to the terminal, discarded, or to run.mess in the style of Code_Aster's message file."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ class Log(Protocol):
     """Receiver of facts, warnings, simplifications and timed steps."""
 
     def info(self, text: str, id: str = "") -> None:
-        """A fact."""
+        """Log a fact."""
 
     def warning(self, id: str, text: str) -> None:
-        """Something to know before believing the numbers."""
+        """Log a warning about the results."""
 
     def left_out(self, what: str, why: str) -> None:
-        """Something that the scene does not need."""
+        """Log a simplification and its reason."""
 
     def step(self, name: str) -> AbstractContextManager[None]:
         """Time a step."""
 
 
 class TerminalLog:
-    """Lines on standard error with the time since the start; none when quiet. `seconds` keeps each step's time.
+    """Lines on standard error with the time since the start; none if quiet. `seconds` stores the time of each step.
 
-    verbose: of every log of a command; what a scene does not need is said, too.
+    verbose: for every log of a command; simplifications are also logged.
     """
 
     verbose = False
@@ -63,21 +63,21 @@ class TerminalLog:
         return time.perf_counter() - self._start
 
     def info(self, text: str, id: str = "") -> None:
-        """A fact."""
+        """Log a fact."""
         self._say(text)
 
     def warning(self, id: str, text: str) -> None:
-        """Something to know before believing the numbers; said even when quiet."""
+        """Log a warning about the results, even if quiet."""
         print(f"warning {id}: {text}", file=sys.stderr)
 
     def left_out(self, what: str, why: str) -> None:
-        """Something that the scene does not need."""
+        """Log a simplification and its reason."""
         if self.verbose:
             self._say(f"left out {what}: {why}")
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
-        """Say that a step begins and keep its time; a terminal shows that it is alive."""
+        """Log the start of a step and store its time; a terminal shows progress."""
         begin = time.perf_counter()
         with self._spinner(name), memory_errors_named(name):
             yield
@@ -88,7 +88,7 @@ class TerminalLog:
     @contextmanager
     def _spinner(self, name: str) -> Iterator[None]:
         if self.quiet or not sys.stderr.isatty() or not self._spinning.acquire(blocking=False):
-            yield  # beside another step of this log, which shows already that the command is alive
+            yield  # during another step of this log, which already shows progress
             return
         from rich.console import Console
 
@@ -104,21 +104,21 @@ class TerminalLog:
 
 
 class WarningLog(TerminalLog):
-    """A log that keeps warnings and discards progress, where many solves stand behind one answer."""
+    """A log that keeps warnings and discards progress, for an answer from many solves."""
 
     def __init__(self) -> None:
         super().__init__(quiet=True)
         self.warnings: list[tuple[str, str]] = []
 
     def warning(self, id: str, text: str) -> None:
-        """Kept for who asks."""
+        """Store the warning."""
         self.warnings.append((id, text))
 
 
 class RunLog:
-    """The log of one case; every line is on the disk as soon as it is said.
+    """Log of one case; every line is written to disk at once.
 
-    `warnings`, `left_out_list` and `seconds` (by step, s) keep what the record and timing.json repeat.
+    `warnings`, `left_out_list` and `seconds` (by step, s) are copied to the record and timing.json.
     """
 
     def __init__(self, path: Path) -> None:
@@ -139,44 +139,44 @@ class RunLog:
         self._file.close()
 
     def banner(self, title: str, program: str, versions: dict[str, str]) -> None:
-        """Head of the log: program, case, machine, versions of what computes."""
+        """Write the head of the log: program, case, machine, versions of computing packages."""
         self._say(f"{RULE}\n-- ANTINODE -- VERSION {program} -- {title}")
         self._say(f"   {datetime.now():%Y-%m-%d %H:%M:%S}, {platform.system()} {platform.machine()}")
         self._say("   " + ", ".join(f"{name} {version}" for name, version in versions.items()) + f"\n{RULE}")
 
     def echo(self, payload: dict[str, Any]) -> None:
-        """The input with defaults, one key a line (SI)."""
+        """Write the input with defaults, one key per line (SI)."""
         self._say("INPUT with defaults (SI)")
         for key, value in flat(payload):
             self._say(f"   {key} = {value}")
         self._say(RULE)
 
     def info(self, text: str, id: str = "") -> None:
-        """A fact: a mesh, a count, a choice taken and why."""
+        """Log a fact: a mesh, a count, a choice and its reason."""
         self._say(_coded("I", id, text))
 
     def warning(self, id: str, text: str) -> None:
-        """Something that the reader must know before believing the numbers; said at most five times per id."""
+        """Log a warning about the results, at most five times per id."""
         if text not in self.warnings:
             self.warnings.append(text)
         self._summary[id] += 1
         if self._summary[id] <= SAME_WARNING_LIMIT:
             self._say(_coded("A", id, text))
         if self._summary[id] == SAME_WARNING_LIMIT:
-            self._say(f"   warning {id} came {SAME_WARNING_LIMIT} times: further ones are counted only")
+            self._say(f"   warning {id} occurred {SAME_WARNING_LIMIT} times: further ones are only counted")
 
     def error(self, id: str, text: str) -> None:
-        """What ends the case."""
+        """Log the error that ends the case."""
         self._say(_coded("F", id, text))
 
     def left_out(self, what: str, why: str) -> None:
-        """Something that this scene does not need, and why."""
+        """Log a simplification and its reason."""
         self.left_out_list.append(f"{what}: {why}")
         self._say(_coded("I", "LEFT_OUT", f"{what}: left out, {why}"))
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
-        """Time a step; its seconds are added up under its name."""
+        """Time a step; its seconds are added under its name."""
         self._say(f"{STEP_MARK}{name}")
         begin = time.perf_counter()
         try:
@@ -193,26 +193,26 @@ class RunLog:
         return time.perf_counter() - self._start
 
     def close(self, status: str) -> None:
-        """Last lines: times, warnings counted, and the diagnostic (OK, WARNING, FAILED). Once only."""
+        """Write the last lines, once: times, warning counts, and the diagnostic (OK, WARNING, FAILED)."""
         if self._closed:
             return
         self._closed = True
         for id, count in self._summary.items():
             if count > SAME_WARNING_LIMIT:
-                self._say(f"   warning {id} came {count} times in all")
+                self._say(f"   warning {id} occurred {count} times in total")
         cpu = time.process_time() - self._cpu_start
         self._say(f"{RULE}\nTOTAL_JOB : cpu {cpu:.2f} s : elapsed {self.elapsed:.2f} s")
         self._say(diagnostic(status))
         self._file.close()
 
     def _say(self, text: str) -> None:
-        with suppress(OSError):  # a full disk is reported by the store, whose files matter more
+        with suppress(OSError):  # the store reports a full disk, since its files matter more
             self._file.write(text.rstrip("\n") + "\n")
 
 
 @contextmanager
 def memory_errors_named(doing: str = "") -> Iterator[None]:
-    """Turn a MemoryError within the block into OutOfMemory, which says what was done, how much it asked, what to change."""
+    """Turn a MemoryError in the block into OutOfMemory, which names the step, the memory requested and a remedy."""
     try:
         yield
     except MemoryError as error:
@@ -223,18 +223,18 @@ def memory_errors_named(doing: str = "") -> Iterator[None]:
 
 
 def diagnostic(status: str) -> str:
-    """The closing line of a log."""
+    """Return the closing line of a log."""
     return f"{'-' * 60}\n--- DIAGNOSTIC JOB : {DIAGNOSES[status]}"
 
 
 def close_abandoned(path: Path, status: str, text: str) -> None:
-    """Close the log of a case whose process is gone; says why."""
+    """Close the log of a case whose process was lost, with the reason."""
     with suppress(OSError), path.open("a", encoding="utf-8") as file:
         file.write(f"\n{_coded('F' if status == 'LOST' else 'S', status, text)}\n{diagnostic(status)}\n")
 
 
 def current_step(path: Path) -> str:
-    """The step that a case is in by its log, '' when none began."""
+    """Return the current step of a case from its log, '' if none has begun."""
     with suppress(OSError), path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - 4096))
         tail = file.read().decode("utf-8", errors="replace")
@@ -244,7 +244,7 @@ def current_step(path: Path) -> str:
 
 
 def flat(value: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """What is no dictionary inside of dictionaries, by dotted keys."""
+    """Flatten nested dictionaries into dotted keys."""
     for key, item in value.items():
         name = f"{prefix}{key}"
         if isinstance(item, dict):

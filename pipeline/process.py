@@ -1,4 +1,4 @@
-"""This process among others: signals that end it, and the folders that libraries expect to keep caches in."""
+"""Process set-up: signals that end it, and cache folders that libraries expect."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from types import FrameType
 from typing import NoReturn
 
 ENDING = ("SIGTERM", "SIGHUP")
-# Where a library keeps what it need not find again: the variable that moves it, and its place when that is not set.
+# Cache folders of libraries: the variable that sets one, and its default.
 CACHES = {
     "MPLCONFIGDIR": ("XDG_CONFIG_HOME", ".config", "matplotlib"),
     "XDG_CACHE_HOME": ("XDG_CACHE_HOME", ".cache", "ezdxf"),
@@ -24,10 +24,10 @@ CACHES = {
 
 @contextmanager
 def terminable() -> Iterator[None]:
-    """SIGTERM and SIGHUP are KeyboardInterrupt within the block, as SIGINT is, so that what was finished is kept.
+    """Turn SIGTERM and SIGHUP into KeyboardInterrupt in the block, like SIGINT, so that finished work is kept.
 
-    The first one alone counts: `timeout` and service managers send several. Those that the parent has this process
-    ignore, as nohup does, stay ignored. Only a main thread can listen to signals; elsewhere nothing changes.
+    Only the first one counts, since `timeout` and service managers send several. Signals that the parent ignores, as
+    nohup does, stay ignored. Only a main thread can handle signals; elsewhere nothing changes.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -49,7 +49,7 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def lend_cache_folders() -> None:
-    """A temporary folder, for this process and its children, to every library whose own place cannot be written."""
+    """Give every library whose cache folder cannot be written a temporary one, for this process and its children."""
     missing = [
         variable for variable, (base, hidden, name) in CACHES.items() if not _usable(variable, base, hidden, name)
     ]
@@ -65,7 +65,7 @@ def _usable(variable: str, base: str, hidden: str, name: str) -> bool:
         place = Path(os.environ[variable])
     else:
         place = Path(os.environ.get(base) or f"~/{hidden}", name)
-    with suppress(OSError, RuntimeError):  # RuntimeError: no home folder is known
+    with suppress(OSError, RuntimeError):  # RuntimeError: the home folder is unknown
         place = place.expanduser()
         nearest = next(each for each in (place, *place.parents) if each.exists())
         return nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)

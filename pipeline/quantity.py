@@ -1,4 +1,4 @@
-"""Units, and figures as people read them: as many digits as the error bar allows, in a unit that fits.
+"""Units and formatting of figures: as many digits as the error bar allows, in a suitable unit.
 
 Files keep full precision; terminal, pages and `run.mess` format every computed figure here.
 """
@@ -17,15 +17,15 @@ GRAM = 1e-3  # kg
 GIB = 2.0**30  # bytes
 DEGREE = pi / 180.0  # rad
 
-FEW = 3  # significant digits of a figure without a bar
-MOST = 7  # significant digits of any figure: a bar does not count round-off
-TWO_DIGITS_BELOW = 3.55  # leading digits of a bar from which one digit of it is enough
-SMALLEST, LARGEST = -4, 9  # powers of ten between which a figure is written without one
+FEW = 3  # significant digits of a figure without an error bar
+MOST = 7  # largest number of significant digits: an error bar excludes round-off
+TWO_DIGITS_BELOW = 3.55  # leading digits of an error bar from which one digit is enough
+SMALLEST, LARGEST = -4, 9  # powers of ten between which a figure is written without an exponent
 UNKNOWN = "–"
 
 
 class Unit(NamedTuple):
-    """A unit by its symbol and its size in SI."""
+    """A unit with its symbol and its size in SI."""
 
     symbol: str
     size: float
@@ -38,20 +38,20 @@ FREQUENCY_UNITS = (Unit("GHz", 1e9), Unit("MHz", 1e6), Unit("kHz", KHZ), HZ)
 
 
 def is_known(value: float | None) -> bool:
-    """Whether a value or a bar is a finite number."""
+    """Whether a value or an error bar is a finite number."""
     return value is not None and isfinite(value)
 
 
 def decimals(value: float, bar: float | None) -> int:
-    """Count the decimals of a figure that its bar allows; negative left of the decimal point.
+    """Count the decimals of a figure that its error bar allows; negative left of the decimal point.
 
-    A bar keeps two digits where these are 10 to 35 and one otherwise, and its figure ends where it ends, so that rounding
-    moves a figure by at most a seventh of its bar. A figure without a bar has three significant digits, an exact 0 none beyond.
+    An error bar keeps two digits if these are 10 to 35 and one otherwise; its figure has the same decimals, so that
+    rounding moves a figure by at most a seventh of its error bar. A figure without one has three significant digits.
 
     Parameters
     ----------
     value, bar : float
-        The figure and the half-width of its bar in the same unit; None or infinite without an estimate.
+        The figure and its error bar (half-width) in the same unit; None or infinite without an estimate.
 
     References
     ----------
@@ -67,17 +67,17 @@ def decimals(value: float, bar: float | None) -> int:
 
 
 def figure(value: float | None, bar: float | None = None) -> str:
-    """Format a value with the digits that its bar allows.
+    """Format a value with the digits that its error bar allows.
 
     Parameters
     ----------
     value, bar : float or None
-        The figure and the half-width of its bar in the same unit; None without an estimate, 0 of an exact figure.
+        The figure and its error bar (half-width) in the same unit; None without an estimate, 0 for an exact figure.
 
     Returns
     -------
     str
-        A dash for no value.
+        A dash for None.
 
     Examples
     --------
@@ -95,7 +95,7 @@ def figure(value: float | None, bar: float | None = None) -> str:
 
 
 def with_bar(value: float | None, bar: float | None, unit: str = "", space: str = " ") -> str:
-    """Format a value, its bar with the same decimals where it is known, and their unit.
+    """Format a value, its error bar with the same decimals if known, and their unit.
 
     >>> from pipeline.quantity import with_bar
     >>> with_bar(12.2519, 0.512, "dB"), with_bar(12.2519, None, "dB")
@@ -125,13 +125,13 @@ def frequency_unit(frequencies_hz: Iterable[float | None]) -> Unit:
 
 
 def frequency_figure(frequency_hz: float | None, error: float | None, unit: Unit) -> str:
-    """Format a frequency in a unit without writing the unit; a dash where its bar is as large as itself.
+    """Format a frequency in a unit without the unit; a dash if the error bar is as large as the frequency.
 
     Parameters
     ----------
     frequency_hz : float or None
     error : float or None
-        Relative half-width of its bar; None without an estimate.
+        Relative error bar (half-width); None without an estimate.
     unit : Unit
     """
     if frequency_hz is None or (error is not None and isfinite(error) and error >= 1.0):
@@ -140,7 +140,7 @@ def frequency_figure(frequency_hz: float | None, error: float | None, unit: Unit
 
 
 def frequency(frequency_hz: float | None, error: float | None = None, space: str = " ") -> str:
-    """Format a frequency with the digits that its relative bar allows and a unit that fits.
+    """Format a frequency with the digits that its relative error bar allows, in a suitable unit.
 
     >>> from pipeline.quantity import frequency
     >>> frequency(219.3012, 6.6e-4), frequency(33494.12, 3.3e-3), frequency(33494.12)
@@ -152,7 +152,7 @@ def frequency(frequency_hz: float | None, error: float | None = None, space: str
 
 
 def frequency_with_bar(frequency_hz: float | None, error: float | None = None, space: str = " ") -> str:
-    """Format a frequency, its bar where it is known, and a unit that fits both.
+    """Format a frequency and its error bar, if known, in a suitable unit.
 
     >>> from pipeline.quantity import frequency_with_bar
     >>> frequency_with_bar(219.3012, 6.6e-4), frequency_with_bar(33494.12)
@@ -169,7 +169,7 @@ def interval(
     low_hz: float, high_hz: float, low_error: float | None = None, high_error: float | None = None, *,
     to: str = " to ", space: str = " ",
 ) -> str:  # fmt: skip
-    """Format an interval of frequencies in one unit, each end with the digits that its relative bar allows.
+    """Format an interval of frequencies in one unit, each end with the digits that its relative error bar allows.
 
     >>> from pipeline.quantity import interval
     >>> interval(519.21, 548.77, 8e-4, 4e-3)
@@ -181,7 +181,7 @@ def interval(
 
 
 def level(level_db: float | None, bar_db: float | None = None, space: str = " ") -> str:
-    """Format a level in dB; without a bar it has one decimal.
+    """Format a level in dB; without an error bar it has one decimal.
 
     >>> from pipeline.quantity import level
     >>> level(12.2519, 0.06), level(12.2519), level(None)
@@ -192,7 +192,7 @@ def level(level_db: float | None, bar_db: float | None = None, space: str = " ")
 
 
 def level_with_bar(level_db: float | None, bar_db: float | None = None, space: str = " ") -> str:
-    """Format a level in dB and its bar where it is known; without a bar it has one decimal.
+    """Format a level in dB and its error bar, if known; without one it has one decimal.
 
     >>> from pipeline.quantity import level_with_bar
     >>> level_with_bar(12.2519, 0.512), level_with_bar(12.2519)
@@ -202,14 +202,14 @@ def level_with_bar(level_db: float | None, bar_db: float | None = None, space: s
 
 
 def level_figure(level_db: float | None, bar_db: float | None = None) -> str:
-    """Format a level without its unit; without a bar it has one decimal."""
+    """Format a level without its unit; without an error bar it has one decimal."""
     if level_db is None or not isfinite(level_db):
         return UNKNOWN
     return figure(level_db, bar_db) if is_known(bar_db) else _fixed(level_db, 1)
 
 
 def percentage(ratio: float | None, bar: float | None = None, space: str = " ") -> str:
-    """Format a ratio in percent with the digits that its bar allows, both of them relative to 1.
+    """Format a ratio in percent with the digits that its error bar allows, both relative to 1.
 
     >>> from pipeline.quantity import percentage
     >>> percentage(0.87349, 0.0021), percentage(0.87349), percentage(None)
@@ -221,7 +221,7 @@ def percentage(ratio: float | None, bar: float | None = None, space: str = " ") 
 
 
 def percent(error: float | None, space: str = " ") -> str:
-    """Format a relative bar in percent with two digits.
+    """Format a relative error bar in percent with two digits.
 
     >>> from pipeline.quantity import percent
     >>> percent(0.00113), percent(0.000997), percent(1.2e-6), percent(None)

@@ -1,8 +1,8 @@
-"""Worker processes that may die without taking anything along: one process, one case at a time, its end known.
+"""Worker processes whose loss affects a single case: one process computes one case at a time.
 
-concurrent.futures.ProcessPoolExecutor ends every worker when one dies and does not say which; this one fails one
-future and starts a fresh process. Workers end with their parent, whatever ended it. They never run the caller's script again,
-so that a script without `if __name__ == "__main__"` may start them.
+concurrent.futures.ProcessPoolExecutor ends every worker when one dies and does not say which; this executor fails one
+future and starts a new process. Workers end with their parent. They never run the caller's script again, so that a
+script without `if __name__ == "__main__"` may start them.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ THREADED = ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMEXPR", "RAYON")
 PR_SET_PDEATHSIG = 1
 # Sent to a whole process group by terminals, `timeout` and service managers; the main process ends its workers itself.
 MAIN_ALONE = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
-STARTING = threading.Lock()  # one process at a time: a start looks at the caller's script
+STARTING = threading.Lock()  # one process at a time: starting one inspects the caller's script
 
 
 class WorkerLost(Exception):
-    """A worker process ended in the middle of a case; the message says how."""
+    """A worker process ended during a case; the message says how."""
 
 
 class LocalWorkers(Executor):
-    """An Executor of `count` processes with `threads` BLAS threads each. A task that kills its process fails alone."""
+    """Executor of `count` processes with `threads` BLAS threads each. A task that kills its process fails alone."""
 
     def __init__(self, count: int, threads: int) -> None:
         self._threads = threads
@@ -55,7 +55,7 @@ class LocalWorkers(Executor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Let the queue drain and end the processes."""
+        """Finish the queue and end the processes."""
         self._stopping = True
         for _ in self._keepers:
             self._tasks.put(None)
@@ -64,14 +64,14 @@ class LocalWorkers(Executor):
                 keeper.join()
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """End well, or at once after an error or an interruption."""
+        """Finish the queue, or stop at once after an error or an interruption."""
         if kind is None:
             self.shutdown()
         else:
             self.kill()
 
     def kill(self) -> None:
-        """End the processes now; what they were at fails with WorkerLost, what waits is cancelled."""
+        """End the processes now; running tasks fail with WorkerLost, waiting ones are cancelled."""
         self._stopping = True
         with suppress(queue.Empty):
             while True:
@@ -83,9 +83,11 @@ class LocalWorkers(Executor):
         self.shutdown(wait=True)
 
     def _keep(self, slot: int) -> None:
-        """One slot's life: a process, restarted after a death, fed from the queue."""
-        resource_tracker.ensure_running()  # its start unblocks SIGINT in the thread that happens to cause it
-        signal.pthread_sigmask(signal.SIG_BLOCK, MAIN_ALONE)  # inherited: they are the main process's affair
+        """Run one slot: a process, restarted after its death, fed from the queue."""
+        resource_tracker.ensure_running()  # starting it unblocks SIGINT in the starting thread
+        signal.pthread_sigmask(
+            signal.SIG_BLOCK, MAIN_ALONE
+        )  # inherited by workers: the main process handles these signals
         connection: Connection | None = None
         while (item := self._tasks.get()) is not None:
             future, call = item
@@ -98,7 +100,7 @@ class LocalWorkers(Executor):
             except BaseException as error:
                 future.set_exception(error)
         if connection:
-            connection.close()  # the worker reads the end of its input and leaves
+            connection.close()  # the worker reads the end of its input and exits
             self._processes[slot].join()
 
     def _start(self, slot: int) -> Connection:
@@ -114,7 +116,7 @@ class LocalWorkers(Executor):
 
 @contextmanager
 def _caller_hidden() -> Iterator[None]:
-    """Hide the script that runs here from a process that starts, which else would run it as its own main module."""
+    """Hide the running script from a starting process, which would otherwise run it as its main module."""
     main = sys.modules["__main__"]
     kept = {name: getattr(main, name) for name in ("__file__", "__spec__") if hasattr(main, name)}
     for name in kept:
@@ -141,9 +143,9 @@ def _ask(connection: Connection, process: multiprocessing.process.BaseProcess, c
 
 def _how_it_ended(code: int | None) -> str:
     if code is None or code >= 0:
-        return f"it left with exit code {code}"
+        return f"it exited with code {code}"
     hints = {
-        signal.SIGKILL: " (memory ran out, or someone ended it)",
+        signal.SIGKILL: " (out of memory, or killed)",
         signal.SIGSEGV: " (a fault in a compiled library)",
     }
     name = next((known for known in signal.Signals if known == -code), None)
@@ -151,7 +153,7 @@ def _how_it_ended(code: int | None) -> str:
 
 
 def _serve(connection: Connection, threads: int) -> None:
-    """A worker's main loop."""
+    """Run the main loop of a worker."""
     _die_with_parent()
     limit_threads(threads)
     while True:
@@ -159,7 +161,7 @@ def _serve(connection: Connection, threads: int) -> None:
             function, args, kwargs = connection.recv()
         except (EOFError, OSError):
             return
-        except BaseException as error:  # the function's module cannot be imported
+        except BaseException as error:  # the module of the function cannot be imported
             connection.send((RuntimeError(f"the worker cannot load the task: {error}"), None))
             continue
         answer: tuple[BaseException | None, Any]
@@ -173,13 +175,13 @@ def _serve(connection: Connection, threads: int) -> None:
 def _answer(connection: Connection, answer: tuple[BaseException | None, Any]) -> None:
     try:
         connection.send(answer)
-    except (TypeError, ValueError, AttributeError) as error:  # what cannot be pickled
+    except (TypeError, ValueError, AttributeError) as error:  # unpicklable results
         connection.send((RuntimeError(f"the worker's answer cannot be sent: {error}"), None))
 
 
 def _die_with_parent() -> None:
     parent = multiprocessing.parent_process()
-    if sys.platform == "linux":  # the kernel's way works inside a long compiled call, too
+    if sys.platform == "linux":  # the kernel's mechanism also works during a long compiled call
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if parent is None:
@@ -193,7 +195,7 @@ def _die_with_parent() -> None:
 
 
 def limit_threads(threads: int) -> None:
-    """Limit the threads of BLAS and its like in this process, loaded or still to be loaded."""
+    """Limit the threads of BLAS and similar libraries in this process, already loaded or not."""
     for name in THREADED:
         os.environ[f"{name}_NUM_THREADS"] = str(threads)
     os.environ[LIMIT] = str(min(threads, int(os.environ.get(LIMIT) or threads)))
@@ -203,6 +205,6 @@ def limit_threads(threads: int) -> None:
 
 
 def default_jobs(cases: int) -> int:
-    """Worker processes when nothing is said: one per core, never more than the study has cases."""
+    """Return the default number of worker processes: one per core, at most one per case of the study."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, min(cores, cases))

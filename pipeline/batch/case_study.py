@@ -1,4 +1,4 @@
-"""A study of one case file: what to compute for each of its cases, and computing it."""
+"""Study of one case file: plan and computation of its cases."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pipeline.records.record import DesignRecord
 
 
 def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
-    """The cases of a study, with every mode's field on demand; every fault of every case is raised before any is computed."""
+    """Return the cases of a study, optionally with all fields; faults of all cases are raised before computing any."""
     faults: list[str] = []
     jobs: list[Job] = []
     requested: list[tuple[str, list[tuple[str, Any]], tuple[str, ...]]] = []
@@ -36,7 +36,7 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
         except InputError as error:
             faults += [f"case {case_id}: {line}" for line in error.lines]
             continue
-        texts = [f"{key}={toml_text(value)}" for key, value in overrides]  # as --set takes them
+        texts = [f"{key}={toml_text(value)}" for key, value in overrides]  # in the form of --set
         payload: dict[str, Any] = {"name": case.name, "case": case.to_dict(), "overrides": texts}
         payload["measure"] = list(query)
         questions = asked.chosen(query)
@@ -52,7 +52,7 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
 
 
 def _forecast(case: Case, query: tuple[str, ...]) -> Forecast:
-    """Estimated peak memory and plan of a case; no memory and the reason for one that is refused."""
+    """Return estimated peak memory and plan of a case; no memory and the reason for a rejected case."""
     try:
         planned = asked.plan_of(case, query)
     except InputError as error:
@@ -62,7 +62,7 @@ def _forecast(case: Case, query: tuple[str, ...]) -> Forecast:
 
 
 def conclude(study: StudyFile, folder: Path, all_pictures: bool = False) -> list[Path]:
-    """Table and page from the stored records; all_pictures: of every case those that are drawn of the best one alone, too."""
+    """Write table and page from the stored records; all_pictures: as in `pipeline.report.page.build`."""
     from pipeline.report import page
 
     made = page.put_explorer(folder, study.case_path)
@@ -70,7 +70,7 @@ def conclude(study: StudyFile, folder: Path, all_pictures: bool = False) -> list
 
 
 def explored(study: StudyFile, folder: Path, log: Log) -> list[Path]:
-    """The explorer's page, its bases made now, and the report that links it; nothing where there is one, or can be none."""
+    """Compute the explorer's bases and write its page and the report with its link, unless it exists or cannot."""
     from pipeline.report import page
 
     made = [] if page.explorer_link(folder) else page.put_explorer(folder, study.case_path, log)
@@ -78,12 +78,12 @@ def explored(study: StudyFile, folder: Path, log: Log) -> list[Path]:
 
 
 def computer(study: StudyFile) -> Any:
-    """The picklable function that computes one case in a worker process."""
+    """Return the picklable function that computes one case in a worker process."""
     return partial(compute, str(study.case_path))
 
 
 def compute(case_path: str, payload: dict[str, Any], folder: Path, log: RunLog) -> dict[str, Any]:
-    """What a case's measures found; arrays go to the case's folder. Raises what its solvers and meshers raise."""
+    """Compute the measures of a case; arrays go to the case's folder. Raises the errors of solvers and meshers."""
     case = load_case(case_path, payload["overrides"])
     if case.to_dict() != payload["case"]:
         raise InputError(f"{Path(case_path).name}: changed while the study was running; run the study again")

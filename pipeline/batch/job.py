@@ -1,4 +1,4 @@
-"""One case in one process: computed, recorded, and its end told; an exception becomes a FAILED record."""
+"""One case in one process: compute, record and report it; an exception becomes a FAILED record."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Compute = Callable[[dict[str, Any], Path, RunLog], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a case is expected to take: its peak memory in B, and what will be computed, in a few lines."""
+    """Resource estimate of a case: peak memory in B, and a plan in a few lines."""
 
     memory_bytes: int = 0
     plan: str = ""
@@ -32,10 +32,10 @@ class Forecast:
 
 @dataclass(frozen=True)
 class Job:
-    """One case: its id (folder name), its input with defaults, its swept keys.
+    """One case: id (folder name), input with defaults, swept keys.
 
-    parts: names what it computes and keeps for other cases, such as its reduced cells; '' for nothing.
-    forecaster: makes its forecast, once it is asked for: a forecast may solve a coarse cell.
+    parts: names data that it computes and stores for other cases, such as reduced cells; '' for none.
+    forecaster: makes the estimate on first use, since it may solve a coarse cell.
     """
 
     case_id: str
@@ -52,7 +52,7 @@ class Job:
 
 @dataclass(frozen=True)
 class CaseEnd:
-    """How a case ended: status OK, WARNING or FAILED, one line of diagnosis, seconds taken."""
+    """Outcome of a case: status OK, WARNING or FAILED, one line of diagnosis, seconds spent."""
 
     case_id: str
     status: str
@@ -61,7 +61,7 @@ class CaseEnd:
 
 
 def record_loss(job: Job, study: Path, error: BaseException) -> CaseEnd:
-    """A case whose process is gone: record it by name, so that the table shows it."""
+    """Record a case whose process was lost, so that the table shows it."""
     folder = study / job.case_id
     if store.why_recompute(folder, job.payload, store.current_fingerprint()) is None:  # lost after it had finished
         result = record.read(folder)
@@ -80,7 +80,7 @@ def record_loss(job: Job, study: Path, error: BaseException) -> CaseEnd:
 
 
 def _dressed(job: Job, result: dict[str, Any], mark: store.Fingerprint) -> Record:
-    """The record of what was found, with what every record carries."""
+    """Return the record of the results, with the fields that every record has."""
     return Record.of_case(
         result,
         case_id=job.case_id,
@@ -93,7 +93,7 @@ def _dressed(job: Job, result: dict[str, Any], mark: store.Fingerprint) -> Recor
 
 
 def run_case(compute: Compute, job: Job, study: Path, mark: store.Fingerprint) -> CaseEnd:
-    """Compute one case in this process, record it, and say how it ended; an exception becomes a FAILED record."""
+    """Compute one case in this process, record it and return its outcome; an exception becomes a FAILED record."""
     folder = store.case_folder(study, job.case_id)
     start = time.perf_counter()
     try:
@@ -114,14 +114,16 @@ def run_case(compute: Compute, job: Job, study: Path, mark: store.Fingerprint) -
         store.sweep_leftovers(folder)
         return CaseEnd(job.case_id, "FAILED", str(error), time.perf_counter() - start)
     finally:
-        machine.give_back()  # before the next case asks how much is free
+        machine.give_back()  # before the free memory is checked for the next case
     return CaseEnd(job.case_id, result.status, result.diagnosis, time.perf_counter() - start)
 
 
 def _guarded(compute: Compute, job: Job, folder: Path, log: RunLog, mark: store.Fingerprint) -> Record:
     try:
         if store.current_fingerprint().code_hash != mark.code_hash:
-            raise RuntimeError("this worker runs other sources than the study was started with; run the study again")
+            raise RuntimeError(
+                "the sources of this worker differ from those that started the study; run the study again"
+            )
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, kind, *_: log.info(f"{kind.__name__}: {message}", "PYTHON")
             return _concluded(job, compute(job.payload, folder, log), log, mark)
@@ -136,7 +138,7 @@ def _guarded(compute: Compute, job: Job, folder: Path, log: RunLog, mark: store.
 
 
 def _concluded(job: Job, result: dict[str, Any], log: RunLog, mark: store.Fingerprint) -> Record:
-    """The record, with what the log was told and how the case ended."""
+    """Return the record with warnings and simplifications of the log and the outcome of the case."""
     status, diagnosis = ("WARNING", log.warnings[0]) if log.warnings else ("OK", "done")
     left_out = list(dict.fromkeys(log.left_out_list))
     return _dressed(
@@ -145,7 +147,7 @@ def _concluded(job: Job, result: dict[str, Any], log: RunLog, mark: store.Finger
 
 
 def _is_expected(error: BaseException) -> bool:
-    """Errors that this program raises on purpose say enough by their message."""
+    """Return the message of an error that this program raises on purpose, else also its type."""
     return type(error).__module__.split(".")[0] in {"geometry", "solvers", "pipeline"}
 
 
@@ -160,7 +162,7 @@ def _one_line(error: BaseException) -> str:
 
 @dataclass(frozen=True)
 class Planned:
-    """A case and why it has to be computed; None when its record stands."""
+    """A case and why it has to be computed; None if its record is valid."""
 
     case_id: str
     why: str | None

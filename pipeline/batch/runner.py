@@ -1,6 +1,6 @@
-"""A study's cases through any Executor: kept, computed or recorded as failed, and shown while they run.
+"""Run of a study's cases through any Executor: reuse, compute or record a failure, with progress display.
 
-One run at a time holds the study's lock, and journal.jsonl has a line for everything that happens to it.
+Only one run at a time holds the study's lock; journal.jsonl has one line per event.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from pipeline.workers import default_jobs
 from solvers.machine import available_bytes
 
 HEARTBEAT_S = 30.0
-LOOK_S = 1.0  # between two looks at which cases have begun
-LONGER = 1.2  # times what it took before: less is as usual
+LOOK_S = 1.0  # interval between checks of the begun cases
+LONGER = 1.2  # a case is late beyond this multiple of its previous time
 MAX_NAMED = 4
 MAX_REASONS = 8
 EXPECTED = {"new", "not finished before", "forced"}
 
 JOURNAL = "journal.jsonl"
 LOCK = ".lock"
-MEMORY_SHARE = 0.8  # of what is free at the start
+MEMORY_SHARE = 0.8  # of the memory free at the start
 POLL_S = 0.25
 LOOK_AHEAD = 8  # waiting cases that may overtake one too large for the free memory
 
@@ -50,8 +50,8 @@ class Progress:
         self.stream = stream or sys.stderr
         self._live: Any = None
         self._task: Any = None
-        self._running: dict[str, int | None] = {}  # handed out, with the time of the log that an earlier run left
-        self._begun: dict[str, float] = {}  # when their own log appeared: a case may wait for a worker before
+        self._running: dict[str, int | None] = {}  # submitted, with the modification time of an earlier run's log
+        self._begun: dict[str, float] = {}  # time at which their own log appeared: before, a case may wait for a worker
         self._looked = 0.0
         self._known: dict[str, float] = {}
         self._left: set[str] = set()
@@ -74,7 +74,7 @@ class Progress:
         for item in again[:MAX_REASONS]:
             self.say(f"{item.case_id}: computed again, {item.why}")
         if len(again) > MAX_REASONS:
-            self.say(f"and {len(again) - MAX_REASONS} more (antinode run --dry-run tells why)")
+            self.say(f"and {len(again) - MAX_REASONS} more (antinode run --dry-run lists the reasons)")
         if todo and self.stream.isatty():
             self._open_live()
 
@@ -89,7 +89,7 @@ class Progress:
         self._live.start()
 
     def say(self, text: str) -> None:
-        """One line for the reader."""
+        """Print one line."""
         if self.quiet:
             return
         if self._live:
@@ -99,13 +99,13 @@ class Progress:
         self._spoke = time.monotonic()
 
     def case_started(self, case_id: str) -> None:
-        """A case went to a worker."""
+        """Report that a case was sent to a worker."""
         self._running[case_id] = self._log_time(case_id)
         if not self._live:
             self.say(f"{case_id}: started")
 
     def case_ended(self, case_id: str, status: str, diagnosis: str, seconds: float) -> None:
-        """A case ended."""
+        """Report that a case ended."""
         self._running.pop(case_id, None)
         self._begun.pop(case_id, None)
         self._left.discard(case_id)
@@ -118,7 +118,7 @@ class Progress:
             self._live.update(self._task, completed=self._done)
 
     def tick(self) -> None:
-        """Called a few times a second."""
+        """Update the display; called a few times per second."""
         if self.quiet or not self._running:
             return
         self._look()
@@ -148,7 +148,7 @@ class Progress:
         return None
 
     def _look(self) -> None:
-        """See which cases have begun by now."""
+        """Check which cases have begun."""
         now = time.monotonic()
         if now - self._looked < LOOK_S:
             return
@@ -158,17 +158,17 @@ class Progress:
                 self._begun[case_id] = now
 
     def time_left(self) -> str:
-        """Rough remaining time: earlier durations where known, else the mean of this run's cases, less what was computed."""
+        """Estimate the remaining time from earlier durations, else from the mean of this run's cases."""
         mean = sum(self._spent) / len(self._spent) if self._spent else None
         guesses = [self._known.get(case_id, mean) for case_id in self._left]
         if not guesses or any(guess is None for guess in guesses):
-            return "time left not known yet"
+            return "remaining time not yet known"
         spent = {case_id: time.monotonic() - start for case_id, start in self._begun.items()}
         usual = {case_id: self._known.get(case_id, mean or 0.0) for case_id in self._left}
         remaining_s = sum(max(0.0, usual[case_id] - spent.get(case_id, 0.0)) for case_id in usual)
         if remaining_s <= 0.0:
             late = any(seconds > LONGER * usual.get(case_id, 0.0) for case_id, seconds in spent.items())
-            return "taking longer than the cases before" if late else "about to end"
+            return "taking longer than earlier cases" if late else "almost finished"
         return f"about {_duration(remaining_s / max(1, len(self._begun)))} left"
 
 
@@ -178,17 +178,17 @@ class StudyBusy(InputError):
 
 @dataclass(frozen=True)
 class StudyOutcome:
-    """What a run did: its plan, the cases it computed, and those left undone by --fail-fast or a lost executor."""
+    """Outcome of a run: plan, computed cases, and cases not computed because of --fail-fast or a lost executor."""
 
     folder: Path
     plan: tuple[Planned, ...]
     ended: tuple[CaseEnd, ...] = ()
     undone: tuple[str, ...] = ()
-    given_up: tuple[str, ...] = ()  # those of the undone that the executor cancelled
+    given_up: tuple[str, ...] = ()  # uncomputed cases that the executor cancelled
 
     @property
     def reused(self) -> tuple[str, ...]:
-        """Cases whose records stood."""
+        """Cases with valid records."""
         return tuple(planned.case_id for planned in self.plan if planned.why is None)
 
     @property
@@ -198,13 +198,13 @@ class StudyOutcome:
 
     @property
     def exit_code(self) -> int:
-        """0, or 3 when a case failed or was left undone."""
+        """Exit code: 0, or 3 if a case failed or was not computed."""
         return 3 if self.failed or self.undone else 0
 
 
 @dataclass(frozen=True)
 class Options:
-    """How to run: worker processes (None: one per core) or an Executor; recompute all, stop at a failure, plan only."""
+    """Options of a run: worker processes (None: one per core) or an Executor; recompute all, fail fast, plan only."""
 
     jobs: int | None = None
     executor: Executor | None = None
@@ -226,14 +226,14 @@ class _Run:
     ended: list[CaseEnd] = field(default_factory=list)
     running: dict[Future[CaseEnd], Job] = field(default_factory=dict)
     given_up: list[Job] = field(default_factory=list)
-    made: set[str] = field(default_factory=set)  # parts of the cases that ended well
+    made: set[str] = field(default_factory=set)  # parts of successful cases
 
     def __post_init__(self) -> None:
         self.why = {item.case_id: item.why for item in self.planned}
         self.waiting = [job for job in self.jobs if self.why[job.case_id] is not None]
-        self.unsaid = ""  # why a line of the journal is missing
+        self.unsaid = ""  # reason for a missing line of the journal
         count = len(self.jobs)
-        at_once = count if self.options.executor else default_jobs(count)  # a cluster queues by itself
+        at_once = count if self.options.executor else default_jobs(count)  # a cluster has its own queue
         self.workers = self.options.jobs or max(1, at_once)
 
     def go(self) -> StudyOutcome:
@@ -282,7 +282,7 @@ class _Run:
         return bool(self.given_up) or (self.options.fail_fast and any(end.status == "FAILED" for end in self.ended))
 
     def _next_that_fits(self) -> Job | None:
-        """The next case, unless all workers are busy or its memory is taken; one case alone always fits."""
+        """Return the next case, unless all workers are busy or memory is short; a single case always runs."""
         if not self.waiting or len(self.running) >= self.workers:
             return None
         granted = sum(job.forecast.memory_bytes for job in self.running.values())
@@ -295,14 +295,14 @@ class _Run:
         return job
 
     def _apart_first(self) -> list[Job]:
-        """The waiting cases, those last that compute what a running one is just making for them to find kept."""
+        """Return the waiting cases, those last whose shared parts a running case is computing."""
         at_work = {job.parts for job in self.running.values()} - self.made - {""}
         return sorted(self.waiting, key=lambda job: job.parts in at_work)
 
     def _submit(self, executor: Executor, job: Job) -> None:
         self._note("started", case=job.case_id, why=self.why[job.case_id])
         self.progress.case_started(job.case_id)
-        bare = replace(job, forecaster=Forecast)  # what a worker has no use for stays here
+        bare = replace(job, forecaster=Forecast)  # a worker does not need the forecaster
         task = executor.submit(run_case, self.compute, bare, self.folder, store.current_fingerprint())
         self.running[task] = job
 
@@ -310,7 +310,7 @@ class _Run:
         job = self.running.pop(future)
         try:
             end = future.result()
-        except CancelledError as error:  # no cancellation of ours is collected: the executor gave the case up
+        except CancelledError as error:  # not cancelled by us: the executor gave up the case
             if store.why_recompute(self.folder / job.case_id, job.payload, store.current_fingerprint()) is not None:
                 self.given_up.append(job)
                 self._abandon(job, "the executor gave this case up; the next run computes it again")
@@ -334,7 +334,7 @@ class _Run:
         self._note("interrupted", at_work=[job.case_id for job in self.running.values()])
 
     def _abandon(self, job: Job, text: str) -> None:
-        """Close the log of a case that was begun and not finished."""
+        """Close the log of an unfinished case."""
         folder = self.folder / job.case_id
         store.sweep_leftovers(folder)
         if (folder / store.RUN_LOG).exists() and not (folder / store.RECORD).exists():
@@ -342,7 +342,7 @@ class _Run:
 
 
 def note(folder: Path, event: str, **fields: Any) -> None:
-    """Append a line to a study's journal; one torn by a killed run is closed first, so that it spoils no other."""
+    """Append a line to a study's journal, after closing one torn by a killed run."""
     entry = {"at": datetime.now(UTC).isoformat(timespec="seconds"), "event": event, **fields}
     with (folder / JOURNAL).open("ab+") as file:
         if file.tell():
@@ -352,7 +352,7 @@ def note(folder: Path, event: str, **fields: Any) -> None:
 
 
 def known_seconds(folder: Path, jobs: Sequence[Job]) -> dict[str, float]:
-    """How long each case took when it was computed before, s: what time left is reckoned from."""
+    """Return the earlier computing time of each case, s, for the estimate of the remaining time."""
     found = {}
     for job in jobs:
         with suppress(store.BadRecord, KeyError, TypeError):
@@ -378,7 +378,7 @@ def study_lock(folder: Path) -> Iterator[None]:
         except OSError as error:
             holder = os.pread(descriptor, 200, 0).decode(errors="replace").strip() or "an unknown process"
             raise StudyBusy(
-                f"{folder}: another run of this study is at work ({holder}); wait for it or end it"
+                f"{folder}: another run of this study is in progress ({holder}); wait for it or stop it"
             ) from error
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, f"process {os.getpid()}, since {datetime.now():%Y-%m-%d %H:%M:%S}\n".encode(), 0)
@@ -395,7 +395,7 @@ def run_study(
     progress: Progress | None = None,
     about: dict[str, Any] | None = None,
 ) -> StudyOutcome:
-    """Compute what is missing of a study, each case in folder/<case id>; returns what was done.
+    """Compute the missing cases of a study, each in folder/<case id>; return the outcome.
 
     `compute(payload, case folder, log)` runs in a worker process (a function of a module), writes its arrays
     through the store and returns the record without what the runner adds (case_id, hashes, versions, sweep).
@@ -415,7 +415,7 @@ def run_study(
 
 
 def plan(jobs: Sequence[Job], folder: Path, force: bool = False) -> tuple[Planned, ...]:
-    """Which cases have to be computed, and why."""
+    """Return which cases have to be computed, and why."""
     now = store.current_fingerprint()
     return tuple(
         Planned(job.case_id, "forced" if force else store.why_recompute(folder / job.case_id, job.payload, now))
@@ -439,5 +439,5 @@ def _check_ids(jobs: Sequence[Job], folder: Path) -> None:
 
 
 def _local(count: int) -> workers.LocalWorkers:
-    """Threads per worker depend on nothing that a resumed run would see differently, so that numbers repeat."""
+    """Return the threads per worker, which a resumed run reproduces, so that numbers repeat."""
     return workers.LocalWorkers(count, max(1, default_jobs(1 << 30) // count))

@@ -1,11 +1,11 @@
-"""Studies that a Python module of studies/ describes: its cases, what computes one, what to conclude from all.
+"""Studies described by a Python module of studies/: cases, computation of one, conclusion from all.
 
 The study file names it: `[study] script = "extremes"`. The module offers
 
     TITLE: str; LEAD: str                          heading and opening words of the page
     cases() -> list[(case id, parameters)]         parameters are plain values
-    compute(parameters, folder, log) -> values     plain ones by name, status and diagnosis beside; runs in a worker process
-    conclude(records) -> Page                      tables and pictures from stored values alone: each case's parameters,
+    compute(parameters, folder, log) -> values     plain ones by name, status, diagnosis; runs in a worker process
+    conclude(records) -> Page                      tables and pictures only from stored values: each case's parameters,
                                                    values, status, diagnosis and case_id
 """
 
@@ -28,7 +28,7 @@ from pipeline.records import record, store
 from pipeline.records.record import Record
 from pipeline.report.html import Page, write_page
 
-SHARED = ("ladder", "scenes")  # modules of studies/ that scripts build upon
+SHARED = ("ladder", "scenes")  # modules of studies/ that scripts use
 
 
 @dataclass(frozen=True)
@@ -41,17 +41,17 @@ class ScriptStudy:
 
     @property
     def about(self) -> dict[str, Any]:
-        """What a run keeps of the study for its report."""
+        """Return the description of the study for its report."""
         return {"name": self.name, "script": self.script}
 
     @property
     def module(self) -> ModuleType:
-        """The module, imported."""
+        """Import the module."""
         return importlib.import_module(f"studies.{self.script}")
 
 
 def load_script(path: Path) -> ScriptStudy | None:
-    """The study of a file that names a script; None when it names none. InputError with a line for every fault."""
+    """Return the study of a file that names a script, else None. Raises InputError with a line per fault."""
     raw = read_toml(path)
     table = raw.get("study")
     if not isinstance(table, dict) or "script" not in table:
@@ -74,7 +74,7 @@ def load_script(path: Path) -> ScriptStudy | None:
 
 
 def jobs_of(study: ScriptStudy, all_fields: bool = False) -> list[Job]:
-    """The cases of the script; each carries the hash of the sources behind it. No script has fields of modes."""
+    """Return the cases of the script, each with the hash of its sources. No script has fields of modes."""
     sources = {
         name: store.file_hash(paths.STUDIES / f"{name}.py")
         for name in (study.script, *SHARED)
@@ -87,12 +87,12 @@ def jobs_of(study: ScriptStudy, all_fields: bool = False) -> list[Job]:
 
 
 def computer(study: ScriptStudy) -> Any:
-    """The picklable function that computes one case in a worker process."""
+    """Return the picklable function that computes one case in a worker process."""
     return partial(compute, study.script)
 
 
 def compute(script: str, payload: Mapping[str, Any], folder: Path, log: RunLog) -> dict[str, Any]:
-    """What one case of a script found, and how it ended where the script says so."""
+    """Compute one case of a script, with its outcome if the script provides one."""
     module = importlib.import_module(f"studies.{script}")
     result = dict(module.compute(payload["parameters"], folder, log))
     ended = {key: result.pop(key) for key in ("status", "diagnosis") if key in result}
@@ -100,12 +100,12 @@ def compute(script: str, payload: Mapping[str, Any], folder: Path, log: RunLog) 
 
 
 def explored(study: ScriptStudy, folder: Path, log: Log) -> list[Path]:
-    """Nothing: a script has no one case to explore."""
+    """Return nothing: a script has no single case to explore."""
     return []
 
 
 def conclude(study: ScriptStudy, folder: Path, all_pictures: bool = True) -> list[Path]:
-    """Tables, pictures and page from the stored records, in the order of the cases."""
+    """Write tables, pictures and page from the stored records, in the order of the cases."""
     records = []
     for case_id, parameters in study.module.cases():
         try:

@@ -1,7 +1,7 @@
-"""The study file, a case, what to measure and the grid of values to sweep, and the names by which studies are known.
+"""The study file: a case, its measures and the grid of swept values; and the names of studies.
 
-The results of a study of the checkout lie in the checkout's `results/`, those of any other study file in `results/` beside it;
-ANTINODE_RESULTS and --results say otherwise. What lies elsewhere is noted in a file of the user's state folder.
+Results of the checkout's studies are in its `results/`, those of any other study file in `results/` next to it, unless
+ANTINODE_RESULTS or --results says otherwise. Other locations are noted in a file of the user's state folder.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from pipeline.logs import flat
 from pipeline.paths import STUDIES
 
 MAX_ID_LENGTH = 120
-RESERVED = "reference"  # results/reference holds what checks compare with
+RESERVED = "reference"  # results/reference contains the values for checks
 MAX_CASES = 100_000
-MAX_BYTES = 10_000_000  # of a study file: the values of as many cases
+MAX_BYTES = 10_000_000  # limit of a study file, enough for the values of MAX_CASES cases
 
 
 class Place(NamedTuple):
@@ -55,7 +55,7 @@ class StudyTable(BaseModel):
 class StudyFile:
     """A study with defaults: sweep holds a tuple of values per dotted key; zip pairs them instead of a full grid.
 
-    `measure` is taken in every case of the sweep, `base_measure` in one more case, the unswept "base".
+    `measure` applies to every case of the sweep, `base_measure` to one more case, the unswept "base".
     """
 
     name: str
@@ -68,11 +68,11 @@ class StudyFile:
 
     @property
     def about(self) -> dict[str, Any]:
-        """What a run keeps of the study for its report."""
+        """Return the description of the study for its report."""
         return {"name": self.name, "case": self.case_path.name, "measure": list(self.measure)}
 
     def cases(self) -> list[tuple[str, list[tuple[str, Any]]]]:
-        """(case id, overrides as keys with values) for every case, in the order of the file, the last key running fastest.
+        """Return (case id, overrides by key) for every case, in the order of the file, the last key running fastest.
 
         An id such as "pitch_mm=4,rows=1" is unique, stable and safe as a folder's name; without a sweep it is "base".
         """
@@ -83,7 +83,7 @@ class StudyFile:
 
 
 def folder_of(name: str, source: Path, given: str | None = None) -> Path:
-    """The folder of a study's results: below the one given, else where it was put before, else by the rule above."""
+    """Return the results folder of a study: below the given one, else its previous place, else by the rule above."""
     if given:
         return Path(given).resolve() / name
     if os.environ.get("ANTINODE_RESULTS") or _is_ours(source):
@@ -95,14 +95,14 @@ def folder_of(name: str, source: Path, given: str | None = None) -> Path:
 
 
 def stored_folder(name: str, source: Path, given: str | None = None) -> Path:
-    """The folder of a study's results to read: where they would be written, else where they were put before."""
+    """Return the folder from which to read a study's results: the one for writing, else the previous one."""
     place, before = folder_of(name, source, given), known_places().get(name)
     elsewhere = not given and not place.exists() and before and before.source == source.resolve()
     return before.folder if before and elsewhere else place
 
 
 def known_places() -> dict[str, Place]:
-    """Studies whose results lie elsewhere, by name; only those whose file and results are still there."""
+    """Return studies with results elsewhere, by name, if their file and results still exist."""
     try:
         entries = json.loads(_file().read_text(encoding="utf-8"))
         places = {name: Place(Path(source), Path(folder)) for name, (source, folder) in entries.items()}
@@ -112,7 +112,7 @@ def known_places() -> dict[str, Place]:
 
 
 def remember_place(name: str, source: Path, folder: Path) -> str | None:
-    """Note a study whose results lie elsewhere; a warning where the state folder cannot be written."""
+    """Note a study with results elsewhere; return a warning if the state folder cannot be written."""
     from pipeline.records.store import StoreError, write_atomic
 
     if folder.parent == paths.RESULTS and _is_ours(source):
@@ -123,21 +123,21 @@ def remember_place(name: str, source: Path, folder: Path) -> str | None:
         _file().parent.mkdir(parents=True, exist_ok=True)
         write_atomic(_file(), f"{text}\n".encode())
     except (OSError, StoreError) as error:
-        return f"{_file()}: {reason(error)}: the study {name!r} is found by its file only, not by its name"
+        return f"{_file()}: {reason(error)}: the study {name!r} can be found only by its file, not by its name"
     return None
 
 
 def load_study(path_or_name: str | Path) -> StudyFile:
-    """The study of a file, or of studies/NAME.toml of the checkout; InputError with one line for every fault."""
+    """Load the study of a file, or of studies/NAME.toml of the checkout; InputError with one line per fault."""
     path = find_study(path_or_name)
     return study_of(read_toml(path, MAX_BYTES), path)
 
 
 def study_of(raw: dict[str, Any], path: Path) -> StudyFile:
-    """The study of a parsed file, its case beside it; InputError as load_study."""
+    """Build the study of a parsed file, with case paths relative to it; InputError as in load_study."""
     diagnostics = Diagnostics(str(path))
     if "study" not in raw and {"plate", "zone", "material"} & set(raw):
-        raise InputError(f"{path}: a case file, must be a study file with a [study] table")
+        raise InputError(f"{path}: a case file, but a study file with a [study] table is needed")
     for key in raw:
         if key not in ("study", "sweep"):
             diagnostics.unknown(key, raw[key], ["study", "sweep"])
@@ -149,13 +149,13 @@ def study_of(raw: dict[str, Any], path: Path) -> StudyFile:
         diagnostics.add("study.case", table.case, f"no such file {case_path}{nearest_file(case_path)}")
     name = table.name or path.stem
     if name == RESERVED:
-        diagnostics.add("study.name", name, "names the committed reference values; choose another name")
+        diagnostics.add("study.name", name, "is reserved for the committed reference values; choose another name")
     diagnostics.stop()
     return StudyFile(name, path, case_path, tuple(table.measure), sweep, paired, tuple(table.base_measure or ()))
 
 
 def find_study(path_or_name: str | Path) -> Path:
-    """The file meant: a path as it is, or the bare name of a study of the checkout or of one that was run before."""
+    """Resolve a path, or the bare name of a study of the checkout or of an earlier run, to a file."""
     path, text = Path(path_or_name), str(path_or_name)
     if is_file(path) or path.suffix == ".toml" or path.parent != Path():
         return path
@@ -169,7 +169,7 @@ def find_study(path_or_name: str | Path) -> Path:
 
 
 def checkout_studies() -> list[str]:
-    """Names of the checkout's own studies."""
+    """Return the names of the checkout's own studies."""
     return sorted(file.stem for file in STUDIES.glob("*.toml") if "[study]" in file.read_text(encoding="utf-8"))
 
 
@@ -199,7 +199,7 @@ def _read_study(raw: dict[str, Any], diagnostics: Diagnostics) -> StudyTable:
 
 
 def _names() -> list[str]:
-    from pipeline.questions import study as asked  # loads what plans: not before there is a study to plan
+    from pipeline.questions import study as asked  # loads the planner, hence only once there is a study to plan
 
     return asked.names()
 
@@ -229,7 +229,7 @@ def _read_sweep(table: Any, diagnostics: Diagnostics, paired: bool) -> tuple[dic
         elif not isinstance(values, list) or not values:
             diagnostics.add(f'sweep."{key}"', values, "must be a list of at least one value")
         elif not paired and len({toml_text(value) for value in values}) < len(values):
-            diagnostics.add(f'sweep."{key}"', values, "must hold each value once")
+            diagnostics.add(f'sweep."{key}"', values, "must contain each value only once")
     return {key: tuple(values) for key, values in lists.items() if isinstance(values, list) and values}, paired
 
 
@@ -241,7 +241,7 @@ def _check_counts(sweep: dict[str, tuple[Any, ...]], paired: bool, diagnostics: 
     elif paired:
         rows = Counter(toml_text(list(row)) for row in zip(*sweep.values(), strict=True))
         for row in sorted(row for row, count in rows.items() if count > 1):
-            diagnostics.add("sweep", row, "must hold each combination once")
+            diagnostics.add("sweep", row, "must contain each combination only once")
     total = max(lengths.values(), default=0) if paired else prod(lengths.values())
     if total > MAX_CASES:
         diagnostics.add("sweep", f"{total} cases", f"must be at most {MAX_CASES}")

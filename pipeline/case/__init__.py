@@ -1,1 +1,1 @@
-"""The case file: one typed table each, checked alone and across tables, asked in SI."""
+"""The case file: typed tables, each checked by itself and against the others, read in SI units."""

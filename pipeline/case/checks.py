@@ -1,4 +1,4 @@
-"""Geometry that cannot be built, by name: checks over values that are valid by themselves, in mm, of one zone or of several."""
+"""Checks for geometry that cannot be built, in mm, on values that are valid by themselves; one or several zones."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from pipeline.errors import InputError
 from pipeline.quantity import MM
 
 PITCHES = ("pitch_mm", "pitch_x_mm", "pitch_y_mm")
-Diagnostic = tuple[str, Any, str]  # key, value, what is wrong and what is allowed
+Diagnostic = tuple[str, Any, str]  # key, value, message
 THINNEST = 5000.0
-"""Longest side over thickness that the meshers hold.
+"""Largest ratio of the longest side to the thickness that the meshers support.
 
 A structured hexahedron of aspect 100 (still well shaped for orders 2 to 4) then takes 50 elements along the plate; and
-eps |K|/omega^2, the share of a bending eigenvalue that rounding may take, grows as (side/thickness)^4: about 0.4 % at
-2000 across the clamped width, everything beyond some thousands.
+eps |K|/omega^2, the relative round-off error of a bending eigenvalue, grows as (side/thickness)^4: about 0.4 % at
+2000 across the clamped width, 100 % at some thousands.
 """
 
 
 def section_mm(file: Tables, form: PillarShape | None) -> float | None:
-    """The foot section's width without fillet, mm, also when the shape's name is wrong; None while it is unknown."""
+    """Return the width of the foot without fillet, mm, even if the shape's name is wrong; None while unknown."""
     if form is not None:
         return form.width_m / MM
     shape = SHAPES.get(file.pillar.shape)
@@ -35,7 +35,7 @@ def section_mm(file: Tables, form: PillarShape | None) -> float | None:
 
 
 def footprint_mm(file: Tables, form: PillarShape | None) -> float | None:
-    """The largest extent of the foot, fillet included, mm; None while it is unknown."""
+    """Return the largest extent of the foot, fillet included, mm; None while unknown."""
     section, fillet = section_mm(file, form), file.pillar.fillet_mm
     if section is None or fillet is None:
         return None
@@ -43,12 +43,12 @@ def footprint_mm(file: Tables, form: PillarShape | None) -> float | None:
 
 
 def _sizes_mm(file: Tables) -> dict[str, float]:
-    """The lengths of the pillar's shape that are known, mm."""
+    """Return the known lengths of the pillar's shape, mm."""
     return {key: getattr(file.pillar, key) for key in SIZE_KEYS if key.endswith("_mm") and getattr(file.pillar, key)}
 
 
 def check_pillar_keys(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Each shape has its own keys: none missing, none of another shape, sizes that go together."""
+    """Check the keys of the pillar's shape: none missing, none of another shape, compatible sizes."""
     name = file.pillar.shape
     shape = SHAPES.get(name)
     if shape is None:
@@ -62,41 +62,41 @@ def check_pillar_keys(file: Tables, form: PillarShape | None) -> Iterator[Diagno
             yield key, value, f"does not belong to a {name} pillar, which takes {' and '.join(needed)}"
     fillet = file.pillar.fillet_mm
     if fillet and not shape.can_have_fillet:
-        yield "pillar.fillet_mm", fillet, f"must be 0 with a {name} pillar: the file has the final shape"
+        yield "pillar.fillet_mm", fillet, f"must be 0 with a {name} pillar, whose file contains the final shape"
     for part, text in shape.size_violations(_sizes_mm(file) | {"fillet_mm": fillet or 0.0}):
         yield f"pillar.{part}", getattr(file.pillar, part), text
 
 
 def check_fillet(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """The foot fillet ends below the tip."""
+    """Check that the foot fillet ends below the tip."""
     fillet, height = file.pillar.fillet_mm, file.pillar.height_mm
     if fillet and height and fillet >= height:
         yield "pillar.fillet_mm", fillet, f"must be smaller than the pillar's height {height:g} mm"
 
 
 def normalise_pitch(file: Tables) -> Iterator[Diagnostic]:
-    """One pitch along x and one along y from now on, whichever keys gave them; pitch_mm alone or both of its parts."""
+    """Set one pitch along x and one along y from either pitch_mm or both of its parts."""
     known = {name: getattr(file.array, name) for name in PITCHES if file.knows("array", name)}
     given = [name for name, pitch in known.items() if pitch is not None]
     if "pitch_mm" in given and len(given) > 1:
-        yield f"array.{given[1]}", known[given[1]], "must be left out beside pitch_mm"
+        yield f"array.{given[1]}", known[given[1]], "cannot be combined with pitch_mm: remove one of them"
     elif len(given) == 1 and given[0] != "pitch_mm":
         (other,) = {*PITCHES} - {"pitch_mm", given[0]}
         if other in known:
-            yield f"array.{other}", None, f"must be given beside {given[0]} (or pitch_mm alone)"
+            yield f"array.{other}", None, f"must accompany {given[0]} (or give only pitch_mm)"
     file.pitches_given = tuple(given) if len(known) == len(PITCHES) else None
     if (both := known.get("pitch_mm")) is not None:
         file.set({"array.pitch_x_mm": both, "array.pitch_y_mm": both})
 
 
 def _given_pitches(file: Tables) -> list[tuple[str, float]]:
-    """The keys that gave a pitch, and what they gave, mm."""
+    """Yield the keys that set a pitch, and their values, mm."""
     known = {**dict(file.array), "pitch_mm": file.array.pitch_x_mm}
     return [(name, known[name]) for name in file.pitches_given or ()]
 
 
 def check_pitch(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Neighbours apart."""
+    """Check that neighbouring pillars do not touch."""
     footprint = footprint_mm(file, form)
     if footprint is None:
         return
@@ -105,19 +105,19 @@ def check_pitch(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
         if pitch <= widest:
             yield f"array.{name}", pitch, f"pillars overlap: must exceed the pillar's footprint {widest:g} mm"
         elif pitch - widest < limits.MIN_GAP * widest:
-            text = f"pillars all but touch: must exceed the footprint {widest:g} mm by {limits.MIN_GAP:g} of it"
-            yield f"array.{name}", pitch, f"{text}, a gap that a mesh can hold"
+            text = f"pillars almost touch: must exceed the footprint {widest:g} mm by at least {limits.MIN_GAP:g} of it"
+            yield f"array.{name}", pitch, f"{text}, a gap that can be meshed"
 
 
 def check_tip(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """A heavy tip stands on a pillar drawn here, beside its neighbours and the rows across the zone."""
+    """Check that a tip mass stands on a drawn pillar, clear of its neighbours and of the rows across the zone."""
     side, height = file.tip.side_mm, file.tip.height_mm
     if "tip" not in file.present or not side or not height:
         return
     if "pillar" not in file.present:
         yield "tip.side_mm", side, "needs a [pillar] to stand on"
     elif file.pillar.shape == "step":
-        yield "tip.height_mm", height, "must be 0 with a step pillar: the file has the final shape"
+        yield "tip.height_mm", height, "must be 0 with a step pillar, whose file contains the final shape"
     section, width, most = section_mm(file, form), file.zone.width_mm, limits.MAX_SLENDERNESS
     for name, given, other in (("tip.side_mm", side, section), ("tip.height_mm", height, side)):
         if other and not 1.0 / most <= given / other <= most:
@@ -125,17 +125,17 @@ def check_tip(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
             yield name, given, text
     for name, pitch in _given_pitches(file):
         if pitch - side < limits.MIN_GAP * side:
-            text = f"tips touch: must be below array.{name} = {pitch:g} by {limits.MIN_GAP:g} of itself"
+            text = f"tips touch: must be below array.{name} = {pitch:g} by at least {limits.MIN_GAP:g} of itself"
             yield "tip.side_mm", side, text
     if width and section and file.array.rows != 0 and 2.0 * (side - section) >= width:
         allowed = (
-            f"must be below {section + width / 2.0:g}: a tip may reach over a quarter of zone.width_mm = {width:g}"
+            f"must be below {section + width / 2.0:g}: a tip may cover at most a quarter of zone.width_mm = {width:g}"
         )
         yield "tip.side_mm", side, allowed
 
 
 def check_slenderness(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Pillar height, sides and foot fillet differ by no more than beams and elements can follow."""
+    """Check that pillar height, sides and fillet differ by no more than beam theory and elements allow."""
     height, most, sizes = file.pillar.height_mm, limits.MAX_SLENDERNESS, _sizes_mm(file)
     for name, side in sizes.items():
         if height and not 1.0 / most <= height / side <= most:
@@ -143,7 +143,7 @@ def check_slenderness(file: Tables, form: PillarShape | None) -> Iterator[Diagno
             yield "pillar.height_mm", height, allowed
     for (first, width), (name, side) in combinations(sizes.items(), 2):
         if not 1.0 / most <= side / width <= most:
-            allowed = f"must be from {width / most:g} to {width * most:g}, beside pillar.{first} = {width:g}"
+            allowed = f"must be from {width / most:g} to {width * most:g}, for pillar.{first} = {width:g}"
             yield f"pillar.{name}", side, allowed
     fillet, section = file.pillar.fillet_mm, section_mm(file, form)
     if fillet and section and fillet < section / most:
@@ -151,7 +151,7 @@ def check_slenderness(file: Tables, form: PillarShape | None) -> Iterator[Diagno
 
 
 def check_pillar_on_plate(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """The pillars' feet and the passive rim are no needles beside the plate's thickness; fewer than a million pillars."""
+    """Check that feet and passive rim are not too narrow for the plate's thickness, and limit the number of pillars."""
     thickness, section, most = file.plate.thickness_mm, section_mm(file, form), limits.MAX_SLENDERNESS
     if thickness and section and file.array.rows != 0 and thickness > most * section:
         limit = f"must be at most {most * section:g}, {most:g} times the pillar's foot of {section:g} mm"
@@ -163,12 +163,12 @@ def check_pillar_on_plate(file: Tables, form: PillarShape | None) -> Iterator[Di
     rows, length, pitch = file.array.rows, file.zone.length_mm, file.array.pitch_x_mm
     if rows and length and pitch and 2.0 * rows * (length / pitch + 1.0) > limits.MAX_PILLARS:
         count = int(2.0 * rows * (length / pitch + 1.0))
-        text = f"{count} pillars: no more than {limits.MAX_PILLARS} can be assembled (rows x columns)"
+        text = f"{count} pillars: at most {limits.MAX_PILLARS} can be assembled (rows x columns)"
         yield "array.rows", rows, text
 
 
 def check_nodal_lines(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """The target mode's flexural wave is longer than the plate is thick: a shorter one is two separate surface waves."""
+    """Check that the target mode's flexural wave is longer than the thickness; a shorter one is two surface waves."""
     lines, length, thickness = (file.zone.nodal_lines, file.zone.length_mm, file.plate.thickness_mm)
     if lines and length and thickness and lines > 1 and 2.0 * length / lines < thickness:
         most = max(1, int(2.0 * length / thickness))
@@ -177,26 +177,30 @@ def check_nodal_lines(file: Tables, form: PillarShape | None) -> Iterator[Diagno
 
 
 def check_zone_width(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """The zone holds at least two pillar sides between its rows."""
+    """Check that the zone is at least two pillar sides wide."""
     width, side = file.zone.width_mm, section_mm(file, form)
     if width is not None and side is not None and file.array.rows != 0 and width < 2.0 * side:
         yield "zone.width_mm", width, f"zone narrower than two pillar sides: must be at least {2.0 * side:g} mm"
 
 
 def check_row_fits(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """A row of at least one pillar fits along the zone."""
+    """Check that at least one pillar fits along the zone."""
     length, footprint = file.zone.length_mm, footprint_mm(file, form)
     footprint = max(footprint, file.tip.side_mm or 0.0) if footprint and file.tip.height_mm else footprint
     if length is not None and footprint is not None and file.array.rows != 0 and footprint > length:
-        yield "zone.length_mm", length, f"pillar row outside the plate: must be at least the footprint {footprint:g} mm"
+        yield (
+            "zone.length_mm",
+            length,
+            f"pillars reach beyond the plate: must be at least the footprint, {footprint:g} mm",
+        )
     rows, pitch = file.array.rows or 0, file.array.pitch_x_mm
     if file.array.stagger and rows > 1 and length and pitch and footprint and length < pitch + footprint:
-        text = f"a shifted row holds no pillar: zone.length_mm must be at least {pitch + footprint:g}"
+        text = f"a shifted row contains no pillar: zone.length_mm must be at least {pitch + footprint:g}"
         yield "array.stagger", True, text
 
 
 def _whole_width(file: Tables, form: PillarShape | None) -> list[float]:
-    """The plate's width across the zone, mm, in a list that is empty while the zone's width is unknown."""
+    """Return the width of the plate across the zone, mm, in a list that is empty while the zone's width is unknown."""
     width, rows = file.zone.width_mm, file.array.rows or 0
     if width is None:
         return []
@@ -206,20 +210,20 @@ def _whole_width(file: Tables, form: PillarShape | None) -> list[float]:
 
 
 def check_thickness(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """The plate is not thinner than the mesher can hold."""
+    """Check that the plate is not too thin for the mesher."""
     thickness = file.plate.thickness_mm
     sides = [file.zone.length_mm, file.array.pitch_x_mm, file.array.pitch_y_mm, *_whole_width(file, form)]
     longest = max((side for side in sides if side is not None), default=None)
     if thickness is not None and longest is not None and longest / thickness > THINNEST:
         text = (
-            f"plate thinner than the mesher can hold: must be at least {longest / THINNEST:g} mm "
-            f"(the longest side {longest:g} mm over {THINNEST:g})"
+            f"plate too thin to be meshed: must be at least {longest / THINNEST:g} mm "
+            f"(longest side {longest:g} mm / {THINNEST:g})"
         )
         yield "plate.thickness_mm", thickness, text
 
 
 def check_not_a_block(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """The plate is thinner than its zone is wide; else a unit was mistaken."""
+    """Check that the plate is thinner than its zone is wide; otherwise a unit is probably wrong."""
     thickness, width = file.plate.thickness_mm, file.zone.width_mm
     if thickness is not None and width is not None and thickness > width:
         text = f"must be at most zone.width_mm = {width:g}: a plate, not a block (lengths are in mm)"
@@ -227,65 +231,65 @@ def check_not_a_block(file: Tables, form: PillarShape | None) -> Iterator[Diagno
 
 
 def check_rows(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Rows need a pillar and a pitch."""
+    """Check that rows have a pillar and a pitch."""
     rows = file.array.rows
     if not rows:
         return
     if "pillar" not in file.present:
         yield "array.rows", rows, "must be 0 without a [pillar]"
     if file.pitches_given == ():
-        yield "array.pitch_mm", None, "rows need a pitch: pitch_mm, or pitch_x_mm and pitch_y_mm"
+        yield "array.pitch_mm", None, "rows need a pitch: give pitch_mm, or pitch_x_mm and pitch_y_mm"
 
 
 def check_solve(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """A rising band, or a target with a count, not both."""
+    """Check for a rising band, or a frequency with a count, but not both."""
     band, near, count = (getattr(file.solve, name) for name in ("band_kHz", "near_kHz", "count"))
     if band is not None and not (band[0] < band[1] and band[1] >= limits.FREQUENCY_KHZ[0]):
-        least = f"high from {limits.FREQUENCY_KHZ[0]:g} on"
+        least = f"high at least {limits.FREQUENCY_KHZ[0]:g}"
         yield "solve.band_kHz", band, f"must be two numbers [low, high], 0 <= low < high, {least}"
     if band is not None and near is not None:
-        yield "solve.near_kHz", near, "must be left out beside band_kHz"
+        yield "solve.near_kHz", near, "cannot be combined with band_kHz: remove one of them"
     if band is not None and near is None and count is not None:
-        yield "solve.count", count, "goes with near_kHz, must be left out beside band_kHz"
+        yield "solve.count", count, "applies to near_kHz only: remove it, or replace band_kHz with near_kHz"
 
 
 def check_path(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Neighbouring points of the wavevector path differ."""
+    """Check that neighbouring points of the wavevector path differ."""
     path = file.bands.path
     if any(a == b for a, b in pairwise(labels_of(path or ""))):
-        yield "bands.path", path, "must not repeat a point twice in a row"
+        yield "bands.path", path, "must not contain the same point twice in succession"
 
 
 def check_patch_keys(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Centres or antinodes, not both; antinodes need a zone; sensors counted once."""
+    """Check for centres or antinodes, not both, a zone for antinodes, and distinct sensors."""
     if "patches" not in file.present:
         return
     at, centres, sensors = (getattr(file.patches, name) for name in ("at", "centres_mm", "sensors"))
     if at and centres:
-        yield "patches.at", at, "must be left out beside centres_mm"
+        yield "patches.at", at, "cannot be combined with centres_mm: remove one of them"
     if centres and file.patches.behind_mm:
-        yield "patches.behind_mm", file.patches.behind_mm, "must be left out beside centres_mm"
+        yield "patches.behind_mm", file.patches.behind_mm, "cannot be combined with centres_mm: remove one of them"
     if not centres and "zone" not in file.present and not {"patches.at", "patches.centres_mm"} & file.faulty:
-        yield "patches.at", at or "antinodes", "needs a [zone] (or give centres_mm)"
+        yield "patches.at", at or "antinodes", "requires a [zone]: add one, or give centres_mm"
     if sensors and len(set(sensors)) < len(sensors):
-        yield "patches.sensors", sensors, "must name each patch once"
+        yield "patches.sensors", sensors, "must name each patch only once"
 
 
 def check_measured(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Something was measured, on a plate with patches; a laser's place belongs to a sweep."""
+    """Check that [measured] names a file, that the plate has patches, and that a laser position has a sweep."""
     if "measured" not in file.present:
         return
     sweep, field, place = (getattr(file.measured, name) for name in ("sweep", "map", "at_mm"))
     if not (sweep or field):
-        yield "measured.sweep", None, "a [measured] table names a sweep, a map or both"
+        yield "measured.sweep", None, "must name a sweep, a map or both"
     if place and not sweep:
-        yield "measured.at_mm", place, "must be left out without measured.sweep"
+        yield "measured.at_mm", place, "applies to measured.sweep only: remove it, or give measured.sweep"
     if "patches" not in file.present:
-        yield "measured.sweep", sweep, "needs [patches]: what was measured is compared with their response"
+        yield "measured.sweep", sweep, "requires [patches], with whose response the measurement is compared"
 
 
 def check_tolerance(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Something varies, on pillars that grow as a whole, and three standard deviations leave each a body and its place."""
+    """Check that something varies on plain pillars, and that three standard deviations leave valid pillars."""
     if "tolerance" not in file.present:
         return
     sizes = {name: getattr(file.tolerance, f"{name}_mm") for name in ("height", "side", "position")}
@@ -299,7 +303,7 @@ def check_tolerance(file: Tables, form: PillarShape | None) -> Iterator[Diagnost
         yield "tolerance.height_mm", height, f"only {PLAIN} can be varied"
         return
     if "pillar" not in file.present or file.array.rows == 0:
-        yield "tolerance.height_mm", height, "needs a [pillar] and array.rows above 0"
+        yield "tolerance.height_mm", height, "requires a [pillar] and array.rows above 0"
         return
     width = form.keys[0] if form else "side_mm"
     tall, wide = file.pillar.height_mm, getattr(file.pillar, width)
@@ -311,16 +315,16 @@ def check_tolerance(file: Tables, form: PillarShape | None) -> Iterator[Diagnost
 
 
 def _room_between(file: Tables, form: PillarShape, wide: float, grown: float, position: float) -> Iterator[Diagnostic]:
-    """Pillars so much wider that stand off by three standard deviations do not touch, and stay in their cells; all in mm.
+    """Check that pillars three standard deviations wider and displaced do not touch and stay in their cells; in mm.
 
     Cells of staggered rows are half a pitch wide.
     """
     ratios = [extent / form.width_m for extent in form.reach_m()]
     pitches = [getattr(file.array, name) for name in PITCHES[1:]]
-    places = ["two of them"] * 2
+    places = ["two pillars"] * 2
     if file.array.stagger and pitches[0]:
         pitches[0] /= 2.0
-        places[0] = "one and the next row's, half a pitch on"
+        places[0] = "one pillar and that of the next row, half a pitch further"
     given = zip(pitches, ratios, places, strict=True)
     room, place = min(((pitch - wide * ratio, place) for pitch, ratio, place in given if pitch), default=(0.0, ""))
     if grown * max(ratios) + 6.0 * position >= room > 0.0:
@@ -354,29 +358,30 @@ SAME_MM = 1e-6
 
 
 def one_table(raw: dict[str, Any], source: str) -> dict[str, Any]:
-    """The parsed file with `[[zone]]` tables as one [zone] with count, shared_rows and gap_mm; any other as it is.
+    """Merge `[[zone]]` tables of a parsed file into one [zone] with count, shared_rows and gap_mm.
 
-    InputError, one line a fault, for zones that are not alike or not evenly spaced about y = 0.
+    Raises InputError, one line per fault, for zones that are not identical or not evenly spaced around y = 0.
     """
     tables = raw.get("zone")
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables) or not tables:
         return raw
     first = {key: value for key, value in tables[0].items() if key != CENTRE}
     said = [
-        f"[[zone]]: count = {table['count']}: must be left out, the tables are counted"
+        f"[[zone]]: count = {table['count']}: must be left out: the tables themselves are counted"
         for table in tables
         if "count" in table
     ]
     if any("centre_x_mm" in table for table in tables):
         said.append(
-            "[[zone]]: centre_x_mm: must be left out, zones lie side by side along y and are as long as the plate"
+            "[[zone]]: centre_x_mm: must be left out: zones lie side by side along y and are as long as the plate"
         )
         tables = [{key: value for key, value in table.items() if key != "centre_x_mm"} for table in tables]
     for number, table in enumerate(tables[1:], start=2):
         for key, value in table.items():
             if key not in (CENTRE, "shared_rows") and first.get(key) != value:
                 said.append(
-                    f"[[zone]] {number}: {key} = {value}: must be {first.get(key, 'left out')} as in the first: zones are alike"
+                    f"[[zone]] {number}: {key} = {value}: must be {first.get(key, 'left out')} as in the first: all "
+                    "zones are identical"
                 )
     shared = {table["shared_rows"] for table in tables[1:] if "shared_rows" in table}
     if len(shared) > 1:
@@ -391,7 +396,7 @@ def one_table(raw: dict[str, Any], source: str) -> dict[str, Any]:
 
 
 def _gap(tables: list[dict[str, Any]], said: list[str]) -> dict[str, Any]:
-    """gap_mm by the zones' centres, where they are given."""
+    """Return gap_mm from the centres of the zones, if they are given."""
     centres, width = [table[CENTRE] for table in tables if CENTRE in table], tables[0].get("width_mm")
     if not centres:
         return {}
@@ -405,34 +410,34 @@ def _gap(tables: list[dict[str, Any]], said: list[str]) -> dict[str, Any]:
     if abs(sum(numbers[:-1])) > SAME_MM or not steps or max(steps) - min(steps) > SAME_MM or steps[0] <= numbers[-1]:
         text = ", ".join(f"{value:g}" for value in numbers[:-1])
         said.append(
-            f"[[zone]]: {CENTRE} = {text}: must ascend evenly about 0, more than the width {numbers[-1]:g} apart"
+            f"[[zone]]: {CENTRE} = {text}: must ascend evenly around 0, more than the width {numbers[-1]:g} apart"
         )
         return {}
     return {"gap_mm": steps[0] - numbers[-1]}
 
 
 def span_mm(file: Tables, form: PillarShape | None) -> float | None:
-    """What the shared rows take between two borders, mm; None while it is unknown."""
+    """Return the width of the shared rows between two borders, mm; None while unknown."""
     rows, pitch, foot = file.zone.shared_rows, file.array.pitch_y_mm, footprint_mm(file, form)
     return None if not rows or not pitch or foot is None else (rows - 1) * pitch + foot
 
 
 def check_zones(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Zones apart, rows between them that fit, and one kind of row."""
+    """Check that zones do not touch, that the rows between them fit, and that all rows are alike."""
     count, shared, gap = (getattr(file.zone, name) for name in ("count", "shared_rows", "gap_mm"))
     if count == 1:
         for name, value in (("shared_rows", shared), ("gap_mm", gap)):
             if value:
-                yield f"zone.{name}", value, "must be left out with one zone"
+                yield f"zone.{name}", value, "applies to several zones only: remove it, or raise zone.count"
     if count is None or count == 1 or shared is None:
         return
     for name in ("heights_mm", "sides_mm", "pitches_y_mm"):
         if values := getattr(file.array, name):
-            yield f"array.{name}", values, "must be left out with several zones, between which rows have no order"
+            yield f"array.{name}", values, "applies to a single zone only: between several zones all rows are alike"
     if file.array.stagger:
-        yield "array.stagger", True, "must be left out with several zones, between which rows stand in line"
+        yield "array.stagger", True, "applies to a single zone only: between several zones rows are aligned"
     if shared and ("pillar" not in file.present or not file.array.rows):
-        yield "zone.shared_rows", shared, "needs a [pillar] and array.rows of 1 or more"
+        yield "zone.shared_rows", shared, "requires a [pillar] and array.rows of 1 or more"
         return
     if not shared and gap is None:
         yield "zone.shared_rows", shared, "the zones touch: must be 1 or more, or give gap_mm"
@@ -440,7 +445,7 @@ def check_zones(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
     if span is None or gap is None:
         return
     if gap < span - SAME_MM:
-        yield "zone.gap_mm", gap, f"must be at least {span:g}, which {shared} rows take"
+        yield "zone.gap_mm", gap, f"must be at least {span:g}, the width of {shared} rows"
     elif shared % 2 and gap > span + SAME_MM:
-        text = f"must be even where the gap {gap:g} mm leaves room: half stand at each border"
+        text = f"must be even if gap_mm = {gap:g} leaves room: half the rows stand at each border"
         yield "zone.shared_rows", shared, text

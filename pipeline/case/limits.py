@@ -1,4 +1,4 @@
-"""Numbers of a case: what they may be, each limit with its reason, and frequencies and bands as people type them."""
+"""Limits of the numbers in a case, each with its reason, and parsing of frequencies and bands as typed."""
 
 from __future__ import annotations
 
@@ -16,96 +16,96 @@ if TYPE_CHECKING:
 
 Range = tuple[float, float]
 LENGTH_MM: Range = (1e-3, 1e4)
-"""A micrometre is a grain or less of a metal, which is no homogeneous solid there; ten metres are no touch plate."""
+"""Below a micrometre, a grain of metal, a solid is not homogeneous; beyond ten metres nothing is a touch plate."""
 DEVIATION_MM: Range = (1e-6, 1e4)
-"""A standard deviation of a nanometre is below what any surface is measured to."""
+"""A standard deviation of a nanometre is smaller than any surface measurement resolves."""
 YOUNG_GPA: Range = (1e-9, 2000.0)
-"""From 1 Pa, softer than any gel that keeps its shape, to beyond diamond (about 1200 GPa)."""
+"""From 1 Pa, softer than any gel that keeps its shape, to more than diamond (about 1200 GPa)."""
 DENSITY_KG_M3: Range = (1.0, 1e5)
 """From an aerogel to four times osmium (22 590 kg/m3)."""
 POISSON_MARGIN = 1e-6
-"""Nearer to -1 or 0.5 shear and bulk modulus lie more than 2.5e5 apart, and their sum loses the smaller one's digits."""
+"""Closer to -1 or 0.5, shear and bulk modulus differ by more than 2.5e5, and their sum loses digits of the smaller."""
 FREQUENCY_KHZ: Range = (1e-6, 1e6)
-"""A millihertz is quasi-static; at a gigahertz sound in a metal is some micrometres long, as its grains are."""
+"""A millihertz is quasi-static; at a gigahertz the wavelength in a metal, some micrometres, is that of its grains."""
 ACCURACY: Range = (1e-6, 0.1)
-"""Rounding alone takes this share of a thin plate's frequency: no mesh is better."""
+"""Relative round-off error of a thin plate's frequency, which no mesh improves."""
 QUALITY: Range = (0.5, 1e12)
-"""At 0.5 nothing resonates; the best of all mechanical resonators reach some 1e10."""
+"""At 0.5 nothing resonates; the best mechanical resonators reach some 1e10."""
 VOLTS: Range = (1e-9, 1e6)
-"""From below the noise of any amplifier to beyond the breakdown of a millimetre of ceramic."""
+"""From below the noise of any amplifier to above the breakdown voltage of a millimetre of ceramic."""
 IMPEDANCE: Range = (0.0, 1e9)
-"""Stiffness (N/m), damping (N s/m) and mass (g) of a fingertip, up to what is rigid beside any plate."""
+"""Stiffness (N/m), damping (N s/m) and mass (g) of a fingertip, up to one that is rigid compared with any plate."""
 FORCE_N: Range = (1e-3, 100.0)
-"""From a contact that is hardly felt to more than a hand presses."""
+"""From a barely perceptible contact to more than a hand can press."""
 GAP_UM: Range = (0.7, 100.0)
-"""Ten free paths of air's molecules, below which a film is no continuum, to more than any squeeze film of a finger."""
+"""From ten mean free paths in air, below which a film is not a continuum, to more than any squeeze film of a finger."""
 MAX_WAVENUMBER = 3e6
 """rad/m: pi over the shortest length of a case."""
 MAX_NODAL_LINES = 1000
-"""Of the target mode along its zone."""
+"""Nodal lines of the target mode along its zone."""
 MAX_ZONES = 20
-"""Each is a plate more to assemble."""
+"""Each is one more plate to assemble."""
 MAX_PATCHES = 2000
-"""Each patch drives a column of the forced response and has two wires of its own."""
+"""Each patch adds a column to the forced response and two wires to the plate."""
 MAX_PATH = 20
-"""Letters of a wavevector path: all of a rectangle's segments, each walked more than once."""
+"""Letters of a wavevector path: enough to visit all segments of a rectangle more than once."""
 MAX_SEED = 2**64 - 1
 MAX_MODES = 10_000
 MAX_SAMPLES = 10_000
 MAX_FREQUENCIES = 100_000
-"""Of a response or an attenuation: each is one more solve and one more line of the document."""
+"""Frequencies of a response or an attenuation: each is one more solve and one more line of the document."""
 MAX_EVALUATIONS = 10_000
-"""Plates that a search may spend: each takes seconds."""
+"""Plates that a search may assemble: each takes seconds."""
 MAX_JOBS = 1000
 """Worker processes of one machine."""
 MAX_SLENDERNESS = 1000.0
-"""Height over side of a pillar, and side over height: rounding takes eps (h/a)^4 of a bending eigenvalue, 2e-4 here."""
+"""Pillar height / side, and side / height: the round-off error of a bending eigenvalue is eps (h/a)^4, here 2e-4."""
 MAX_PILLARS = 1_000_000
-"""Each adds at least a hundred degrees of freedom: beyond, no factorisation fits any machine."""
+"""Each adds at least a hundred degrees of freedom: beyond this no machine can hold the factorisation."""
 MIN_GAP = 1e-4
-"""Of the footprint, between two pillars: an element there is as wide as the gap and as long as the foot."""
+"""Gap between two pillars relative to the footprint: an element there is as wide as the gap and as long as the foot."""
 MAX_CONTRAST = 1e8
-"""Ratio of the Young's moduli of plate and pillar that the study `extremes` has shown to be solved right."""
+"""Ratio of the Young's moduli of plate and pillar up to which the study `extremes` verified the solver."""
 FASTEST_M_S, SLOWEST_M_S = 20e3, 1.0
-"""Of sqrt(E/rho): diamond reaches 18 km/s, beryllium 13; a soft gel (1 kPa) reaches 1 m/s."""
+"""Limits of sqrt(E/rho): diamond reaches 18 km/s, beryllium 13; a soft gel (1 kPa) reaches 1 m/s."""
 HEAVIEST_KG_M3 = 25e3
 """Osmium, the heaviest, has 22 590."""
 
 SECONDS = {"ms": MS, "us": US, "s": 1.0}
-MAX_DURATION_S = 1.0  # of a loop's times: a slower one controls no vibration
+MAX_DURATION_S = 1.0  # limit of a loop's times: a slower loop cannot control a vibration
 HERTZ = {"hz": 1.0, "khz": KHZ, "mhz": 1e6}
 FREQUENCY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*([A-Za-z]*)\s*")
 
 
 def span(limits: Range) -> str:
-    """The limits in words."""
+    """Return the limits in words."""
     return f"from {limits[0]:g} to {limits[1]:g}"
 
 
 def doubts(design: Design) -> list[str]:
-    """One line for each material of a design that is unlike any solid."""
+    """Yield one line for each material of a design with implausible constants."""
     tips = [pillar.tip.material for pillar in design.kinds if pillar.tip]
     materials = dict.fromkeys([*design.stack.regions.values(), *(pillar.material for pillar in design.kinds), *tips])
     return [line for material in materials for line in _doubt(material)]
 
 
 def warn_of_doubts(design: Design, log: Log) -> None:
-    """A warning for each of them: whoever reads a case for a computation says so."""
+    """Log a warning for each implausible material, when a case is read for a computation."""
     for doubt in doubts(design):
         log.warning("MATERIAL", doubt)
 
 
 def short_wave(design: Design) -> str | None:
-    """Warn of a target mode whose half-wavelength is short beside the thickness; None where it is not."""
+    """Return a warning if the target mode's half-wavelength is short relative to the thickness, else None."""
     from geometry.layout import SHORT
 
     if not design.is_short_wave:
         return None
     half = design.half_wavelength_m or design.width_m
     return (
-        f"half a wave of the target (0, {design.nodal_lines}) mode is {figure(1e3 * half)} mm long, less than "
-        f"{SHORT:g} thicknesses ({1e3 * design.thickness_m:g} mm each): plate theory, the pre-design and windows chosen by "
-        "them mean little; lower zone.nodal_lines or plate.thickness_mm"
+        f"the half-wavelength of the target mode (0, {design.nodal_lines}) is {figure(1e3 * half)} mm, less than "
+        f"{SHORT:g} times the thickness of {1e3 * design.thickness_m:g} mm: plate theory, the pre-design and windows "
+        "derived from them are unreliable; lower zone.nodal_lines or plate.thickness_mm"
     )
 
 
@@ -113,10 +113,10 @@ ALLOWED = f"a frequency above 0 with its unit Hz, kHz or MHz, such as 32kHz, {sp
 
 
 def parse_frequency(text: str, what: str = "frequency") -> float:
-    """Hz from "32kHz", "32 kHz" or "0.032MHz"; InputError names `what` otherwise, and both readings of a bare number.
+    """Parse Hz from "32kHz", "32 kHz" or "0.032MHz"; InputError names `what`, and both readings of a bare number.
 
     A bare number has two readings because the keys of a case file are in kHz and the fields of a document in Hz. A bare
-    0 would be the same in both, but is no frequency above 0.
+    0 would be the same in both, but a frequency must be above 0.
     """
     match = FREQUENCY.fullmatch(text)
     number, unit = match.groups() if match else ("nan", "")
@@ -129,7 +129,7 @@ def parse_frequency(text: str, what: str = "frequency") -> float:
 
 
 def parse_seconds(text: str, what: str = "time") -> float:
-    """Seconds from "2ms", "4us" or "0.002s"; InputError names `what` otherwise, or below 0."""
+    """Parse seconds from "2ms", "4us" or "0.002s"; InputError names `what` otherwise, or below 0."""
     unit = next((unit for unit in SECONDS if text.strip().endswith(unit)), None)
     try:
         value = float(text.strip().removesuffix(unit)) * SECONDS[unit] if unit else nan
@@ -142,7 +142,7 @@ def parse_seconds(text: str, what: str = "time") -> float:
 
 
 def parse_band(text: str, what: str = "band") -> tuple[float, float]:
-    """(low, high) in Hz from "30kHz:34kHz"; InputError when an end is wrong or the band is empty or reversed."""
+    """Parse (low, high) in Hz from "30kHz:34kHz"; InputError for a wrong end or an empty or reversed band."""
     ends = text.split(":")
     if len(ends) != 2:
         raise InputError(f"{what} = {text!r}: must be two frequencies with a colon between them, such as 30kHz:34kHz")
@@ -158,7 +158,7 @@ def _doubt(material: Material) -> list[str]:
     speed = sqrt(young / material.density_kg_m3)
     given = f"{material.name}: young_GPa = {young / 1e9:g}, density_kg_m3 = {material.density_kg_m3:g}"
     if speed > FASTEST_M_S:
-        why = f"sound in a rod would travel at {figure(speed / 1e3)} km/s, in diamond it does at 18 km/s"
+        why = f"sound in a rod would travel at {figure(speed / 1e3)} km/s, faster than the 18 km/s of diamond"
     elif speed < SLOWEST_M_S:
         why = f"sound in a rod would travel at {figure(speed)} m/s, slower than in a soft gel"
     elif material.density_kg_m3 > HEAVIEST_KG_M3:
@@ -169,7 +169,7 @@ def _doubt(material: Material) -> list[str]:
 
 
 def _refuse_bare(ends: list[str], text: str, what: str) -> None:
-    """InputError with both readings of a band whose two ends are bare numbers above 0."""
+    """Return an InputError with both readings of a band whose ends are bare numbers above 0."""
     bare = [match.group(1) for end in ends if (match := FREQUENCY.fullmatch(end)) and not match.group(2)]
     if len(bare) == 2 and all(0.0 < float(number) < inf for number in bare):
         readings = " or ".join(f"{bare[0]} {unit} to {bare[1]} {unit}" for unit in ("Hz", "kHz"))

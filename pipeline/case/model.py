@@ -1,4 +1,4 @@
-"""The case file: one frozen, validated scene with what is attached to it; units turned to SI here and nowhere else."""
+"""The case file: one frozen, validated scene with its settings; units are converted to SI here and nowhere else."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from geometry.materials import PIEZO_MATERIALS, Material
 from geometry.pillar_shapes import PillarShape
 from pipeline.case.checks import one_table, span_mm
 from pipeline.case.reading import (
-    INSTEAD,
+    UNIFORM_ROW_KEYS,
     CaseValues,
     Diagnostics,
     apply_overrides,
@@ -39,12 +39,12 @@ from pipeline.quantity import GRAM, MM, UM
 from solvers.analytic.beams import antinodes, free_free_mode
 from solvers.measures.confinement import target_symmetry
 
-MAX_LISTED = 3  # patches or pairs of them that are named
-TOUCHING = 1e-9  # relative to the patch: boxes that share an edge do not overlap
+MAX_LISTED = 3  # largest number of patches, or pairs of them, that a message names
+TOUCHING = 1e-9  # relative to the patch: boxes with a common edge do not overlap
 
 Override = str | tuple[str, Any]
 
-SUCH_AS = {  # a table that few cases have: one to begin with
+TABLE_EXAMPLES = {  # example of a rarely used table
     "patches": ", such as --set \"patches={material='pz26', size_mm=[12.0, 3.0, 0.3]}\"",
     "tolerance": ', such as --set "tolerance={height_mm=0.05}"',
     "touch": ', such as --set "touch={radius_mm=5.0}"',
@@ -53,9 +53,9 @@ SUCH_AS = {  # a table that few cases have: one to begin with
 
 @dataclass(frozen=True)
 class Touch:
-    """A finger's contact in SI; force_n and gap_m (low, high) are None where nothing is said of friction.
+    """Contact of a finger in SI; force_n and gap_m (low, high) are None without data on friction.
 
-    limit_v: the amplifier's largest voltage, None where it is not given.
+    limit_v: largest voltage of the amplifier, None if not given.
     """
 
     tip: Fingertip
@@ -68,14 +68,14 @@ class Touch:
 
 @dataclass(frozen=True)
 class MeasuredFiles:
-    """What was measured of the plate: the paths of a sweep and of a map, and where the sweep's laser stood, m."""
+    """Measured data of the plate: paths of a sweep and of a map, and the position of the sweep's laser, m."""
 
     sweep: Path | None
     map: Path | None
     at_m: tuple[float, float] | None
 
     def to_dict(self) -> dict[str, Any]:
-        """Names and SHA-256 of the files, and the place."""
+        """Names and SHA-256 of the files, and the position."""
         plain: dict[str, Any] = {"at_m": _plain(self.at_m)}
         for name, path in (("sweep", self.sweep), ("map", self.map)):
             if path is not None:
@@ -85,9 +85,9 @@ class MeasuredFiles:
 
 @dataclass(frozen=True)
 class Case:
-    """One scene in SI, with defaults. Lengths of tables that the file does not have are NaN: ask `require` first.
+    """One scene in SI, with defaults. Lengths of absent tables are NaN: call `require` first.
 
-    raw, overrides: the parsed file and what was set in it, from which other designs of the same file are made.
+    raw, overrides: the parsed file and its overrides, from which variants of the case are derived.
     """
 
     name: str
@@ -108,7 +108,7 @@ class Case:
     def target_symmetry(self) -> str | None:
         """Mirror signs of u_z in the target mode, x then y: N nodes are even when N is.
 
-        None without a zone, and where the plate is not its own mirror image: its modes have no such signs.
+        None without a zone, and for an unsymmetric plate, whose modes have no such signs.
         """
         if "zone" not in self.given or not self.design.is_mirrored:
             return None
@@ -121,53 +121,54 @@ class Case:
         return pi / half if half else 0.0
 
     def but(self, changes: Mapping[str, Any]) -> Case:
-        """The case with other values of dotted keys, in the file's units. InputError for what cannot be built."""
+        """Return the case with other values of dotted keys, in the units of the file. Raises InputError for faults."""
         return case_from_dict(self.raw, self.source, [*self.overrides, *changes.items()]) if changes else self
 
     def require(self, *keys: str, command: str = "this command") -> None:
-        """InputError naming every table or dotted key that the command needs and the file lacks.
+        """Raise InputError naming every table or dotted key that the command needs and the file lacks.
 
-        "array.pitch_mm" is also met by pitch_x_mm with pitch_y_mm.
+        pitch_x_mm together with pitch_y_mm also satisfies "array.pitch_mm".
         """
         lacking = [key for key in keys if key not in self.given]
         where = self.source if self.source is not None else self.name
         if lacking:
             visible = [
-                (key if "." in key else f"[{key}]", f"{command} needs it{SUCH_AS.get(key, '')}") for key in lacking
+                (key if "." in key else f"[{key}]", f"{command} needs it{TABLE_EXAMPLES.get(key, '')}")
+                for key in lacking
             ]
             raise InputError(f"{where}: {name}: missing, {why}" for name, why in visible)
 
     def require_plate(self, command: str = "this command", several: bool = False) -> None:
-        """InputError unless a finite plate is described: [plate], [zone] and, with pillars, array.rows; one zone unless
-        `several` may be.
-        """
+        """Raise InputError unless the file has [plate], [zone] and, with pillars, array.rows; one zone, or `several`."""
         if self.design.zones > 1 and not several:
             where, count = self.source if self.source is not None else self.name, self.design.zones
-            what = f"{command} is of one zone alone, must be 1 (antinode crosstalk takes several)"
+            what = f"must be 1: {command} supports a single zone (antinode crosstalk supports several)"
             raise InputError(f"{where}: zone.count = {count}: {what}")
         self.require("plate", "zone", *(("array.rows",) if "pillar" in self.given else ()), command=command)
 
     def require_one_kind(self, command: str) -> None:
-        """InputError for rows that differ, which no unit cell and no lone pillar stands for: each kind by its own keys."""
+        """Raise InputError for rows that differ, which a single unit cell or pillar cannot represent."""
         if self.design.is_graded:
             where = self.source if self.source is not None else self.name
-            lists = " and ".join(key for key in INSTEAD if key in self.given)
+            lists = " and ".join(key for key in UNIFORM_ROW_KEYS if key in self.given)
             example = " ".join(f"--set {text}" for text in one_kind(self.design))
-            what = f"rows differ, {command} of one kind of row alone: ask for each in turn, such as {example}"
+            what = (
+                f"rows differ, but {command} defined for one kind of row only: ask for each in turn, such as {example}"
+            )
             raise InputError(f"{where}: {lists}: {what}")
 
     def path(self, points: int) -> lattice.Path:
-        """The path of its bands, `points` intervals per segment. InputError for points that its lattice does not have."""
+        """Return the path of the bands, `points` intervals per segment. InputError for points of another lattice."""
         own, labels = self.design.lattice, self.bands.path
         try:
             return own.path(labels, points)
         except ValueError as fault:
-            what = f"must be of the points {', '.join(own.high_symmetry)} of its {own.name} lattice"
+            what = f"must consist of points of the {own.name} lattice, {', '.join(own.high_symmetry)}"
             example = f"such as {own.default_path}"
             raise InputError(f"{self.source or self.name}: bands.path = {labels}: {what}, {example}") from fault
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything that influences results as plain JSON in SI; a STEP file by its name and SHA-256."""
+        """Return everything that influences results as plain JSON in SI; a STEP file by name and SHA-256."""
         plain: dict[str, Any] = {
             name: _plain(getattr(self, name)) for name in ("design", "solve", "bands", "quality_factor", "patches")
         }
@@ -196,7 +197,7 @@ class Case:
 
 
 def read_patches(values: CaseValues, design: Design) -> Patches | None:
-    """The patches in SI, or None without the table; what does not fit is added to the faults."""
+    """Return the patches in SI, or None without the table; faults are added to the diagnostics."""
     table, diagnostics = values.tables.patches, values.diagnostics
     if "patches" not in values.tables.present or diagnostics.touch("patches"):
         return None
@@ -210,7 +211,7 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
         centres += tuple((place, side * across) for side in (-1.0, 1.0) for place, _ in centres)
         lengths *= 3
     sensors = tuple(table.sensors)
-    if not table.centres_mm and design.zones > 1:  # the same patches in every zone
+    if not table.centres_mm and design.zones > 1:  # every zone has the same patches
         inner = len(centres) // (3 if table.behind_mm else 1)
         centres = tuple((x, float(mid)) for mid in design.zone_centres_m for x, _ in centres[:inner]) + centres[inner:]
         lengths = lengths[:inner] * design.zones + lengths[inner:]
@@ -233,7 +234,7 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
 
 
 def read_touch(values: CaseValues, design: Design) -> Touch | None:
-    """The contact, or None without the table; what does not fit is added to the faults."""
+    """Return the contact, or None without the table; faults are added to the diagnostics."""
     table, diagnostics = values.tables.touch, values.diagnostics
     if "touch" not in values.tables.present or diagnostics.touch("touch"):
         return None
@@ -242,7 +243,7 @@ def read_touch(values: CaseValues, design: Design) -> Touch | None:
         diagnostics.add("touch.gap_um", gap, "must be [low, high] with low <= high")
     if (gap is None) != (force is None):
         given, other = ("gap_um", "force_N") if gap else ("force_N", "gap_um")
-        diagnostics.add(f"touch.{given}", gap or force, f"needs touch.{other}: friction follows from both")
+        diagnostics.add(f"touch.{given}", gap or force, f"requires touch.{other}: friction is computed from both")
     at, radius = table.at_mm, MM * table.radius_mm
     place = (MM * at[0], MM * at[1]) if at else (_middle_antinode_m(design), 0.0)
     if "zone" in values.tables.present and (
@@ -250,10 +251,10 @@ def read_touch(values: CaseValues, design: Design) -> Touch | None:
     ):
         size = f"{design.length_m / MM:g} x {2.0 * design.half_span_m / MM:g} mm"
         key = "at_mm" if at else "radius_mm"
-        diagnostics.add(f"touch.{key}", at or table.radius_mm, f"the contact reaches beyond the plate, which is {size}")
+        diagnostics.add(f"touch.{key}", at or table.radius_mm, f"the contact extends beyond the plate of {size}")
     elif "zone" in values.tables.present and abs(place[1]) + radius > design.bare_touch_m:
         room = (
-            f"the contact reaches the pillars on the touch face, which begin at |y| = {design.bare_touch_m / MM:g} mm"
+            f"the contact overlaps the pillars on the touch face, which begin at |y| = {design.bare_touch_m / MM:g} mm"
         )
         diagnostics.add("touch.at_mm", at or list(place), room)
     return Touch(
@@ -267,23 +268,24 @@ def read_touch(values: CaseValues, design: Design) -> Touch | None:
 
 
 def load_case(path: str | Path, overrides: Iterable[Override] = ()) -> Case:
-    """The case of a TOML file with overrides, "key.path=value" or (key, value); InputError with one line for every fault."""
+    """Load the case of a TOML file with overrides, "key.path=value" or (key, value); InputError lists every fault."""
     file = Path(path)
     return case_from_dict(read_case(file), source=file, overrides=overrides)
 
 
 def read_case(file: Path) -> dict[str, Any]:
-    """The tables of a case file as written; InputError for a study file and what read_toml refuses."""
+    """Read the tables of a case file as written; InputError for a study file and the faults of read_toml."""
     raw = read_toml(file)
     if isinstance(raw.get("study"), dict):
         raise InputError(
-            f"{file}: a study file with a [study] table, must be a case file; antinode run {file} computes it"
+            f"{file}: a study file (it has a [study] table), but a case file is needed; antinode run {file} computes "
+            "the study"
         )
     return raw
 
 
 def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: Iterable[Override] = ()) -> Case:
-    """The case of a parsed file; STEP paths are taken from the folder of `source`. InputError as load_case."""
+    """Build the case of a parsed file; STEP paths are relative to the folder of `source`. InputError as load_case."""
     given = tuple(overrides)
     settings = parsed(given)
     raw = one_table(raw, str(source) if source is not None else "case")
@@ -313,7 +315,7 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
 
 
 def parsed(overrides: Iterable[Override]) -> list[tuple[str, Any]]:
-    """Overrides as keys and values. InputError, one line a fault, for texts that are none."""
+    """Parse overrides into keys and values. Raises InputError, one line per fault."""
     settings, lines = [], []
     for given in overrides:
         try:
@@ -342,7 +344,7 @@ def _check_sensors(patches: Patches, diagnostics: Diagnostics) -> None:
             "patches.sensors", list(patches.sensors), f"no such patch: must be numbers from 0 to {patches.count - 1}"
         )
     elif not patches.drivers:
-        diagnostics.add("patches.sensors", list(patches.sensors), "every patch listens: at least one must drive")
+        diagnostics.add("patches.sensors", list(patches.sensors), "every patch is a sensor: at least one must drive")
 
 
 def _check_places(patches: Patches, design: Design, file: Tables, diagnostics: Diagnostics) -> None:
@@ -351,16 +353,14 @@ def _check_places(patches: Patches, design: Design, file: Tables, diagnostics: D
     half_x, half_y = design.length_m / 2.0 + slack, design.half_span_m + slack
     width_mm, length_mm = 2.0 * design.half_span_m / MM, design.length_m / MM
     if patches.size_m[1] > 2.0 * half_y or patches.size_m[0] > 2.0 * half_x:
-        diagnostics.add("patches.size_mm", size, f"wider than the plate, which is {length_mm:g} x {width_mm:g} mm")
+        diagnostics.add("patches.size_mm", size, f"larger than the plate of {length_mm:g} x {width_mm:g} mm")
         return
     given = [f"patches.{name}" for name in ("centres_mm", "behind_mm") if getattr(file.patches, name)]
     key = [*given, "patches.size_mm"][0]
     value = file.get(key)
     outside = (np.abs(boxes[:, :2]) > half_x).any(axis=1) | (np.abs(boxes[:, 2:]) > half_y).any(axis=1)
     for number in np.flatnonzero(outside)[:MAX_LISTED]:
-        diagnostics.add(
-            key, value, f"patch {number} reaches beyond the plate, which is {length_mm:g} x {width_mm:g} mm"
-        )
+        diagnostics.add(key, value, f"patch {number} extends beyond the plate of {length_mm:g} x {width_mm:g} mm")
     for i, j in _first_overlaps(boxes, slack):
         diagnostics.add(key, value, f"patches {i} and {j} overlap")
     if patches.face == "back" or file.pillar.faces == "both":
@@ -383,13 +383,13 @@ def _check_pillars(
 
 
 def _holds(ascending: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
-    """For each open interval, (n,), whether one of the ascending numbers lies in it."""
+    """Return for each open interval, (n,), whether it contains one of the ascending numbers."""
     first = np.searchsorted(ascending, low, side="right")
     return np.asarray(np.append(ascending, np.inf)[first] < high)
 
 
 def _first_overlaps(boxes_m: FloatArray, slack: float) -> list[tuple[int, int]]:
-    """The first MAX_TOLD pairs i < j of footprints x0, x1, y0, y1 that share more than an edge."""
+    """Return the first MAX_LISTED pairs i < j of footprints x0, x1, y0, y1 that share more than an edge."""
     overlaps: list[tuple[int, int]] = []
     for i, (x0, x1, y0, y1) in enumerate(boxes_m):
         later = boxes_m[i + 1 :]
@@ -402,7 +402,7 @@ def _first_overlaps(boxes_m: FloatArray, slack: float) -> list[tuple[int, int]]:
 
 
 def _fingertip(values: CaseValues) -> Fingertip:
-    given: Any = values.tables.touch.impedance  # a table as the dictionary that it is in the file
+    given: Any = values.tables.touch.impedance  # a table as the dictionary in the file
     if isinstance(given, str):
         if given not in FINGERTIPS:
             known = f"must be one of {', '.join(FINGERTIPS)} or a table{nearest(given, FINGERTIPS)}"
@@ -413,7 +413,7 @@ def _fingertip(values: CaseValues) -> Fingertip:
 
 
 def _middle_antinode_m(design: Design) -> float:
-    """x of the target mode's antinode nearest the plate's centre; the centre for a rigid motion."""
+    """Return x of the target mode's antinode nearest the centre of the plate; the centre for a rigid motion."""
     lines = design.nodal_lines
     if lines < 2:
         return 0.0
@@ -445,12 +445,12 @@ def _design(values: Values) -> Design:
 
 
 def _metres(length_mm: float | None) -> float:
-    """A length in m; NaN where the file has none."""
+    """Return a length in m; NaN if the file has none."""
     return nan if length_mm is None else MM * length_mm
 
 
 def _zones(values: Values) -> dict[str, Any]:
-    """How many zones, the rows between them, and the distance of their borders in m."""
+    """Return the number of zones, the rows between them, and the gap between their borders in m."""
     zone = values.tables.zone
     if (zone.count or 1) == 1:
         return {}
@@ -469,7 +469,7 @@ def _pillar(values: Values, row: Tables, form: PillarShape | None) -> Pillar | N
 
 
 def _tip(values: Values, pillar: Material) -> Tip | None:
-    """The heavy tip, of the pillar's material where it has none of its own; None where its height is 0."""
+    """Return the tip mass, of the pillar's material unless it has its own; None if its height is 0."""
     tip = values.tables.tip
     return Tip(MM * tip.side_mm, MM * tip.height_mm, values.materials.get("tip", pillar)) if tip.height_mm else None
 
@@ -488,18 +488,18 @@ def _measured(values: Values, source: Path | None) -> MeasuredFiles | None:
 
 
 def _solve(table: SolveTable) -> SolveTable:
-    """The table with its band as a tuple, so that a case can be hashed."""
+    """Return the table with its band as a tuple, so that a case can be hashed."""
     return table.but(band_kHz=table.band_kHz and tuple(table.band_kHz))
 
 
 def _bands(table: BandsTable, design: Design) -> BandsTable:
-    """The table with the path that the cell has where none is given."""
+    """Return the table with the default path of the cell if none is given."""
     own = "GXMG" if isnan(design.pitch_x_m) else design.lattice.border(design.stack.mirrors)
     return table.but(path=table.path or own or design.lattice.default_path)
 
 
 def _plain(value: Any) -> Any:
-    """Dataclasses, tables, tuples and numbers as JSON; NaN (nothing given) as null; sources of constants left out."""
+    """Convert dataclasses, tables, tuples and numbers to JSON; NaN (not given) is null; no sources of constants."""
     if isinstance(value, Material):
         return _plain(value.stated)
     if is_dataclass(value) and not isinstance(value, type):

@@ -1,4 +1,4 @@
-"""Reading a case: TOML and --set overrides as plain dictionaries, tables checked, every fault a line, rows that differ."""
+"""Reading of a case: TOML and --set overrides as dictionaries, checks of tables, a line per fault, graded rows."""
 
 from __future__ import annotations
 
@@ -39,96 +39,96 @@ from pipeline.errors import InputError, reason
 from pipeline.quantity import GPA, MM
 
 Checked = TypeVar("Checked", bound=BaseModel)
-MAX_LENGTH = 60  # characters of a value or key that are shown
-MAX_NAMES = 2000  # of a folder that a misspelled name is compared with
-MAX_LINES = 50  # faults told one by one; a file with more is no case file
+MAX_LENGTH = 60  # longest value or key that is shown, in characters
+MAX_NAMES = 2000  # largest folder in which a misspelled name is compared
+MAX_LINES = 50  # largest number of faults listed; a file with more is not a case file
 
 HEIGHTS, SIDES, PITCHES = "array.heights_mm", "array.sides_mm", "array.pitches_y_mm"
 WIDTHS = tuple(dict.fromkeys(f"pillar.{shape.keys[0]}" for shape in SHAPES.values() if shape.keys[0].endswith("_mm")))
-INSTEAD = {HEIGHTS: ("pillar.height_mm",), SIDES: WIDTHS, PITCHES: ("array.pitch_y_mm",)}  # keys of equal rows
+UNIFORM_ROW_KEYS = {HEIGHTS: ("pillar.height_mm",), SIDES: WIDTHS, PITCHES: ("array.pitch_y_mm",)}  # keys of equal rows
 
-# keys that stand for one another: setting one drops the others that the file gave
+# alternative keys: setting one drops the others in the file
 ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "array.pitch_mm": ("array.pitch_x_mm", "array.pitch_y_mm"),
     "solve.band_kHz": ("solve.near_kHz", "solve.count"),
     "solve.near_kHz": ("solve.band_kHz",),
     "patches.centres_mm": ("patches.at",),
     "patches.at": ("patches.centres_mm",),
-    **INSTEAD,
-    **{other: (key,) for key, others in INSTEAD.items() for other in others},
+    **UNIFORM_ROW_KEYS,
+    **{other: (key,) for key, others in UNIFORM_ROW_KEYS.items() for other in others},
 }
 
 ALTERNATIVES["array.pitch_mm"] += (PITCHES,)
-MAX_BYTES = 200_000  # of a case file: the most patches that it may hold take half
-DEEPEST = 8  # tables and lists inside one another; a case has four
-TOO_DEEP = f"tables or lists nested deeper than {DEEPEST}, which nothing in it may be"
+MAX_BYTES = 200_000  # of a case file: the largest number of patches takes half
+DEEPEST = 8  # nesting of tables and lists; a case has four levels
+TOO_DEEP = f"tables or lists nested deeper than the limit of {DEEPEST}"
 
-# a key of so many parts costs tomllib the square of their number before its depth could be seen
+# tomllib spends time quadratic in the parts of a key before its depth could be checked
 LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){50}""")
 
-ALWAYS = ("solve", "bands", "damping")  # tables that hold settings only: absent means their defaults
+ALWAYS = ("solve", "bands", "damping")  # tables with settings only: if absent, defaults apply
 
 
 class Diagnostics:
-    """The lines found so far in one file; overridden keys are told as coming from --set."""
+    """Faults found so far in one file; those of overridden keys are attributed to --set."""
 
     def __init__(self, file: str, overridden: Iterable[str] = ()) -> None:
         self.file = file
         self.overridden = frozenset(overridden)
         self.lines: list[str] = []
         self.keys: set[str] = set()
-        self.untold = 0
+        self.unlisted = 0
 
     def origin(self, key: str) -> str:
-        """The file's name, or --set when the key or a part of it was set on the command line."""
+        """Return the name of the file, or --set if the key or part of it was set on the command line."""
         from_command = any(key == name or name.startswith(key + ".") for name in self.overridden)
         return "--set" if from_command else self.file
 
     def add(self, key: str, value: Any, text: str) -> None:
-        """One line: origin: key = value: text."""
+        """Add a line: origin: key = value: text."""
         self._note(key, f"{self.origin(key)}: {key_quoted(key)} = {quoted(value)}: {text}")
 
     def missing(self, key: str, text: str) -> None:
-        """One line for a key that is not there."""
+        """Add a line for a missing key."""
         self._note(key, f"{self.file}: {key}: missing, {text}")
 
     def touch(self, *tables: str) -> bool:
-        """True when a fault was found in one of these tables or top keys."""
+        """Whether a fault was found in one of these tables or top-level keys."""
         return any(key.partition(".")[0] in tables for key in self.keys)
 
     def _note(self, key: str, line: str) -> None:
         self.keys.add(key)
         if len(self.lines) >= MAX_LINES:
-            self.untold += 1
+            self.unlisted += 1
         elif line not in self.lines:
             self.lines.append(line)
 
     def unknown(self, key: str, value: Any, known: Collection[str]) -> None:
-        """One line for a key that does not exist, with the nearest known one."""
+        """Add a line for an unknown key, with the nearest known one."""
         hint = nearest(key, known) if len(self.lines) < MAX_LINES else ""
         self.add(key, value, f"unknown {'table' if isinstance(value, dict) else 'key'}{hint}")
 
     def stop(self) -> None:
-        """InputError with every line, if there is any; beyond MAX_LINES of them with how many there are."""
+        """Raise InputError with every line, if any; beyond MAX_LINES, with their number."""
         if self.lines:
-            more = [f"{self.file}: {self.untold} more errors"] if self.untold else []
+            more = [f"{self.file}: {self.unlisted} more errors"] if self.unlisted else []
             raise InputError([*self.lines, *more])
 
 
 @dataclass(frozen=True)
 class CaseValues:
-    """What the file says, faults included; `tables` hold the valid values, defaults filled in."""
+    """Content of the file, with its faults; `tables` hold the valid values, defaults filled in."""
 
     name: str
     tables: Tables
     materials: dict[str, Material]
-    rows: tuple[tuple[Tables, PillarShape | None], ...]  # as each row has them, once where all rows are alike
+    rows: tuple[tuple[Tables, PillarShape | None], ...]  # for each row; a single entry if all rows are alike
     given: frozenset[str]
     diagnostics: Diagnostics
 
 
 def quoted(value: Any) -> str:
-    """A value as TOML would write it, cut to one short line."""
+    """Return a value as TOML, cut to one short line."""
     if isinstance(value, bool):
         text = str(value).lower()
     elif isinstance(value, str):
@@ -147,14 +147,14 @@ def quoted(value: Any) -> str:
 
 
 def key_quoted(key: str) -> str:
-    """A key as it stands in a file, cut to one short line."""
+    """Return a key as written in a file, cut to one short line."""
     return key if len(key) <= MAX_LENGTH else f"{key[: MAX_LENGTH - 3]}..."
 
 
 def nearest(word: str, known: Collection[str]) -> str:
-    """' (did you mean X?)' with the known word nearest to `word`, or nothing when none resembles it.
+    """Return ' (did you mean X?)' with the known word nearest to `word`, or '' if none resembles it.
 
-    A dotted key is compared whole first, then by its last part; what is longer than any key resembles none.
+    A dotted key is compared whole first, then by its last part; text longer than any key resembles none.
     """
     if len(word) > MAX_LENGTH:
         return ""
@@ -168,7 +168,7 @@ def nearest(word: str, known: Collection[str]) -> str:
 
 
 def nearest_file(path: Path) -> str:
-    """' (did you mean X?)' with the file that is there under nearly this name, folder by folder, or nothing."""
+    """Return ' (did you mean X?)' with the existing file of nearly this name, folder by folder, or ''."""
     there = Path(path.anchor)
     with suppress(OSError, ValueError):
         for part in path.relative_to(path.anchor).parts:
@@ -186,7 +186,7 @@ def nearest_file(path: Path) -> str:
 def check_table(
     model: type[Checked], raw: dict[str, Any], prefix: str, known: Collection[str], diagnostics: Diagnostics
 ) -> tuple[Checked, set[str]]:
-    """A table with its valid values, defaults filled in, and its faulty keys, dotted with prefix, which are None in it.
+    """Validate a table: return its values with defaults, faulty ones as None, and the dotted names of the faulty keys.
 
     Every fault is added to `diagnostics`.
     """
@@ -217,26 +217,26 @@ def check_table(
 
 
 def lists_of(file: Tables) -> dict[str, list[float]]:
-    """The lists that the file has, by the key that equal rows have instead, such as pillar.height_mm."""
+    """Return the lists in the file by the key that equal rows use, such as pillar.height_mm."""
     shape = SHAPES.get(file.pillar.shape)
     one = {HEIGHTS: "pillar.height_mm", SIDES: f"pillar.{shape.keys[0]}" if shape else "", PITCHES: "array.pitch_y_mm"}
     return {one[key]: file.get(key) for key in one if file.get(key) and one[key]}
 
 
 def named(key: str) -> str:
-    """The list that stands for a key of equal rows."""
-    return next(name for name, others in INSTEAD.items() if key in others)
+    """Return the list that replaces a key of equal rows."""
+    return next(name for name, others in UNIFORM_ROW_KEYS.items() if key in others)
 
 
 def normalise_rows(file: Tables) -> Iterator[tuple[str, Any, str]]:
-    """The first row's values in place of the keys of equal rows from now on, and as many rows as the lists have values."""
-    for key in file.faulty & INSTEAD.keys():  # a faulty list: it is told already
-        file.faulty |= {*INSTEAD[key]}
-        file.set(dict.fromkeys(INSTEAD[key]))
-    for key in (key for key in INSTEAD if file.get(key)):
+    """Set the keys of equal rows to the values of the first row, and the number of rows to the lists' length."""
+    for key in file.faulty & UNIFORM_ROW_KEYS.keys():  # a faulty list, which is reported already
+        file.faulty |= {*UNIFORM_ROW_KEYS[key]}
+        file.set(dict.fromkeys(UNIFORM_ROW_KEYS[key]))
+    for key in (key for key in UNIFORM_ROW_KEYS if file.get(key)):
         values, has_pillar = file.get(key), "pillar" in file.present
         if not has_pillar or (file.pillar.shape == "step" and key != PITCHES):
-            why = "without a [pillar]" if not has_pillar else "with a step pillar, which has the sizes of its file"
+            why = "without a [pillar]" if not has_pillar else "with a step pillar, whose file sets its sizes"
             yield key, values, f"must be left out {why}"
             file.set({key: None})
             continue
@@ -244,16 +244,18 @@ def normalise_rows(file: Tables) -> Iterator[tuple[str, Any, str]]:
             file.set({"array.rows": len(values)})
         rows = file.array.rows
         if rows is not None and len(values) != rows:
-            yield key, values, f"{len(values)} values, must be one for each of array.rows = {rows}"
-        for other in (*INSTEAD[key], *(("array.pitch_mm",) if key == PITCHES else ())):
+            yield key, values, f"{len(values)} values: must be one for each of array.rows = {rows}"
+        for other in (*UNIFORM_ROW_KEYS[key], *(("array.pitch_mm",) if key == PITCHES else ())):
             if file.get(other) is not None:
-                what = f"must be left out beside {key}" + (": give pitch_x_mm" if other == "array.pitch_mm" else "")
+                what = f"cannot be combined with {key}: remove one of them" + (
+                    ", or give pitch_x_mm" if other == "array.pitch_mm" else ""
+                )
                 yield other, file.get(other), what
     file.set({key: values[0] for key, values in lists_of(file).items() if file.get(key) is None})
 
 
 def one_kind(design: Design) -> list[str]:
-    """KEY=VALUE texts that make every row like the first, for the keys in which rows differ."""
+    """Return KEY=VALUE texts that make every row like the first, for the keys in which rows differ."""
     first, texts = design.pillar, []
     if first and len({pillar.height_m for pillar in design.graded}) > 1:
         texts.append(f"pillar.height_mm={first.height_m / MM:g}")
@@ -263,7 +265,7 @@ def one_kind(design: Design) -> list[str]:
 
 
 def by_row(file: Tables) -> list[Tables]:
-    """The tables as each row has them; once where all rows are alike."""
+    """Return the tables of each row; a single entry if all rows are alike."""
     lists = lists_of(file)
     rows = [copy.copy(file) for _ in range(min((len(values) for values in lists.values()), default=1))]
     for number, row in enumerate(rows):
@@ -272,9 +274,9 @@ def by_row(file: Tables) -> list[Tables]:
 
 
 def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
-    """The file as a dictionary; InputError for what cannot be read or parsed, with the line number where known.
+    """Read the file as a dictionary; InputError if it cannot be read or parsed, with the line number if known.
 
-    A file of more than `max_bytes`, or nested deeper than DEEPEST, is refused as well.
+    A file larger than `max_bytes`, or nested deeper than DEEPEST, is also rejected.
     """
     read_by_command(path)
     try:
@@ -284,13 +286,13 @@ def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file{_elsewhere(path)}") from None
     except IsADirectoryError:
-        raise InputError(f"{path}: is a directory, must be a TOML file") from None
+        raise InputError(f"{path}: is a directory: must be a TOML file") from None
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text at byte {error.start}, must be a TOML file in UTF-8") from None
+        raise InputError(f"{path}: not UTF-8 text at byte {error.start}: must be a TOML file in UTF-8") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read: {reason(error)}") from None
     if len(content) > max_bytes:
-        raise InputError(f"{path}: more than {max_bytes} bytes: must be a TOML file of at most so many")
+        raise InputError(f"{path}: larger than {max_bytes} bytes, the limit for a TOML file")
     if LONG_KEY.search(text):
         raise InputError(f"{path}: {TOO_DEEP}")
     try:
@@ -305,7 +307,7 @@ def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
 
 
 def is_file(path: Path) -> bool:
-    """Whether a file stands there; a name that no file can have is none."""
+    """Whether a file exists; False for a name that no file can have."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -313,7 +315,7 @@ def is_file(path: Path) -> bool:
 
 
 def parse_value(text: str) -> Any:
-    """A TOML value, or the bare word as a string."""
+    """Parse a TOML value, or take a bare word as a string."""
     if len(text) > MAX_BYTES:
         return text.strip()
     try:
@@ -324,19 +326,19 @@ def parse_value(text: str) -> Any:
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """(dotted key, value) from "key.path=value"; InputError otherwise."""
+    """Parse "key.path=value" into a dotted key and a value; InputError otherwise."""
     key, equals, value = text.partition("=")
     parts = [part.strip() for part in key.split(".")]
     if not equals or not all(parts) or not value.strip():
         raise InputError(f"--set {quoted(text)[1:-1]}: must be key.path=value, such as array.pitch_mm=6")
     parsed = parse_value(value)
     if len(parts) > DEEPEST or _is_deeper(parsed):
-        raise InputError(f"--set {quoted(text)[1:-1]}: nested deeper than {DEEPEST}, which no key is")
+        raise InputError(f"--set {quoted(text)[1:-1]}: nested deeper than the limit of {DEEPEST}")
     return ".".join(parts), parsed
 
 
 def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    """A copy of `raw` with every override set in order; absent tables are created."""
+    """Return a copy of `raw` with every override applied in order; absent tables are created."""
     result = copy.deepcopy(raw)
     for key, value in overrides:
         if key in ("array.pitch_x_mm", "array.pitch_y_mm", PITCHES):
@@ -350,7 +352,7 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
 
 
 def toml_text(value: Any) -> str:
-    """A value as TOML text that --set reads back unchanged; whole floats written as whole numbers."""
+    """Return a value as TOML text that --set reads back unchanged; whole floats are written as integers."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
@@ -363,7 +365,7 @@ def toml_text(value: Any) -> str:
 
 
 def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[str]) -> CaseValues:
-    """Check a parsed case file table by table, then across tables; nothing is raised, `diagnostics` has the lines."""
+    """Check a parsed case file table by table, then across tables; faults go to `diagnostics`, none is raised."""
     diagnostics = Diagnostics(str(source) if source is not None else "case", overridden)
     known = known_keys()
     found: dict[str, Table] = {}
@@ -395,15 +397,13 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
 
 
 def _allowed(field: FieldInfo) -> str:
-    """What a field may be: its description, or the words of its type."""
+    """Return the requirement of a field: its description, or its type in words."""
     *first, last = [str(word) for word in get_args(field.annotation)] or ["something else"]
     return field.description or (f"{', '.join(first)} or {last}" if first else last)
 
 
 def _elsewhere(path: Path) -> str:
-    """Where a file of this name, or nearly so, is here or among the program's own, which help and pages name from the
-    checkout's folder.
-    """
+    """Suggest a file of this or a similar name, here or in the checkout, to which help and pages refer."""
     with suppress(OSError):
         if (ours := paths.ROOT / path).is_file():
             return f" in this folder; there is {ours}"
@@ -411,7 +411,7 @@ def _elsewhere(path: Path) -> str:
 
 
 def _is_deeper(value: Any) -> bool:
-    """Whether dictionaries and lists stand inside one another more than DEEPEST times."""
+    """Whether dictionaries and lists are nested more than DEEPEST levels."""
     level = [value]
     for _ in range(DEEPEST + 1):
         inside = [each.values() if isinstance(each, dict) else each for each in level if isinstance(each, (dict, list))]
@@ -428,7 +428,7 @@ def _split_pitch(raw: dict[str, Any]) -> None:
 
 
 def _keep_sizes(raw: dict[str, Any], shape: type[PillarShape]) -> None:
-    """Drop the sizes that belong to other shapes alone."""
+    """Drop the sizes that only other shapes have."""
     others = {key for other in SHAPES.values() for key in other.keys} - {*shape.keys}
     for name in others if shape.has_height else others | {"height_mm"}:
         _drop(raw, f"pillar.{name}")
@@ -456,7 +456,7 @@ def _put(raw: dict[str, Any], parts: list[str], value: Any) -> None:
 
 
 def _material_table(name: str) -> dict[str, Any] | None:
-    """The constants of a named material, so that one of them can be set."""
+    """Return the constants of a named material, so that one of them can be overridden."""
     from geometry.materials import MATERIALS
 
     known = MATERIALS.get(name)
@@ -467,7 +467,7 @@ def _material_table(name: str) -> dict[str, Any] | None:
 
 
 def _quoted(text: str) -> str:
-    """A basic string of TOML, which takes every letter but control characters as it is."""
+    """Return a basic TOML string, in which only control characters are escaped."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -495,7 +495,7 @@ def _read_material(
 
 
 def _check_contrast(materials: dict[str, Material], diagnostics: Diagnostics) -> None:
-    """One line where plate and pillar or tip differ in stiffness by more than one matrix can hold."""
+    """Report a stiffness contrast of plate and pillar or tip that a single matrix cannot resolve."""
     young = {owner: material.average.young_pa / GPA for owner, material in materials.items()}
     plate = young.pop("", None)
     for owner, other in young.items():
@@ -512,7 +512,7 @@ def _read_name(raw: dict[str, Any], source: Path | None, diagnostics: Diagnostic
 
 
 def _read_shape(file: Tables, source: Path | None, diagnostics: Diagnostics) -> PillarShape | None:
-    """The pillar's shape with its sizes; None while some are missing. A STEP file is read here, with CAD."""
+    """Return the pillar's shape with its sizes; None while some are missing. A STEP file is read here with CAD."""
     shape = SHAPES.get(file.pillar.shape)
     if shape is None or any(getattr(file.pillar, key) is None for key in shape.keys):
         return None
@@ -534,7 +534,7 @@ def _check_across(rows: tuple[tuple[Tables, PillarShape | None], ...], diagnosti
 
 
 def _of_row(number: int, fault: Diagnostic, row: Tables) -> Diagnostic:
-    """A fault of a row's value, at the list that holds it."""
+    """Attribute the fault of a row's value to the list that contains it."""
     key, _, text = fault
     return (named(key), row.get(named(key)), f"row {number}: {text}") if key in lists_of(row) else fault
 
@@ -548,12 +548,12 @@ def _add_all(faults: Iterable[Diagnostic], diagnostics: Diagnostics) -> None:
 
 
 def _given(raw: dict[str, Any]) -> frozenset[str]:
-    """The tables and dotted keys that the file has."""
+    """Return the tables and dotted keys in the file."""
     keys = set(raw)
     for table, content in raw.items():
         if isinstance(content, dict):
             keys |= {f"{table}.{name}" for name in content}
-    if keys & {*INSTEAD}:
+    if keys & {*UNIFORM_ROW_KEYS}:
         keys.add("array.rows")
     if "array.pitch_x_mm" in keys and keys & {"array.pitch_y_mm", PITCHES}:
         keys.add("array.pitch_mm")

@@ -1,4 +1,4 @@
-"""The case file as written: its tables, keys, units and what each value may be, and the tables as keyword arguments."""
+"""The case file as written: tables, keys, units and permitted values, and the tables as keyword arguments."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ Frequency = Annotated[float, Field(ge=0, le=limits.FREQUENCY_KHZ[1])]
 Gap = Annotated[float, Field(ge=limits.GAP_UM[0], le=limits.GAP_UM[1])]
 Extent = Annotated[float, Field(ge=LENGTH_MM[0], le=LENGTH_MM[1])]
 RowLengths = Annotated[list[Extent], Field(min_length=1, max_length=1000)]
-ONE_A_ROW = f"a list of numbers above 0, {span(LENGTH_MM)}, one a row from the zone outwards"
-SIZE_KEYS = tuple(dict.fromkeys(key for shape in SHAPES.values() for key in shape.keys))  # of any pillar's shape
-MATERIAL_OWNERS = ("", "pillar", "tip")  # the tables that may hold a material; "" is the top of the file
+ONE_A_ROW = f"a list of numbers above 0, {span(LENGTH_MM)}, one per row from the zone outwards"
+SIZE_KEYS = tuple(dict.fromkeys(key for shape in SHAPES.values() for key in shape.keys))  # keys of every pillar shape
+MATERIAL_OWNERS = ("", "pillar", "tip")  # tables that may contain a material; "" is the top level of the file
 MATERIAL_ALLOWED = "the name of a material or a table with young_GPa, density_kg_m3 and poisson"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
 
@@ -42,22 +42,22 @@ GivenMaterial = str | dict[str, float]  # a name, or young_GPa, density_kg_m3 an
 
 
 class Table(BaseModel):
-    """A table of the file: unknown keys refused, no hidden conversion, no NaN, no infinity."""
+    """A table of the file: no unknown keys, implicit conversions, NaN or infinity."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
     def but(self, **changes: Any) -> Self:
-        """The same table with other values of some keys, which are not checked."""
+        """Return the table with other values of some keys, unchecked."""
         return self.model_copy(update=changes)
 
     def in_si(self) -> dict[str, Any]:
-        """Every key in SI, by the name of its property, such as band_hz of band_kHz."""
+        """Return every key in SI by the name of its property, such as band_hz for band_kHz."""
         names = (name.replace("_mm", "_m").replace("_kHz", "_hz") for name in type(self).model_fields)
         return {name: getattr(self, name) for name in names}
 
 
 def positive(within: Range, **more: Any) -> Any:
-    """A field for a number within the limits, which must be given unless a default is."""
+    """Declare a number within limits, required unless it has a default."""
     return Field(ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}", **more)
 
 
@@ -72,7 +72,7 @@ class MaterialTable(Table):
 
     @property
     def material(self) -> Material:
-        """The material of these constants, in SI."""
+        """Return the material with these constants, in SI."""
         return Material.isotropic("given", GPA * self.young_GPa, float(self.density_kg_m3), float(self.poisson))
 
 
@@ -81,12 +81,12 @@ class PlateTable(Table):
 
 
 def optional(within: Range) -> Any:
-    """The same, None where it is left out."""
+    """Declare an optional number within limits, None if left out."""
     return positive(within, default=None)
 
 
 def whole(low: int, high: int, **more: Any) -> Any:
-    """A field for a whole number."""
+    """Declare a whole number."""
     return Field(ge=low, le=high, description=f"a whole number from {low} to {high}", **more)
 
 
@@ -100,7 +100,7 @@ class ZoneTable(Table):
 
 
 def _zero_or(within: Range) -> AfterValidator:
-    """Refuses what is neither 0 nor within the limits."""
+    """Reject a value that is neither 0 nor within the limits."""
 
     def check(value: float) -> float:
         if value != 0.0 and not within[0] <= value <= within[1]:
@@ -152,12 +152,12 @@ class SolveTable(Table):
 
     @property
     def near_hz(self) -> float | None:
-        """The frequency near which modes are looked for, Hz."""
+        """Frequency near which modes are computed, Hz."""
         return None if self.near_kHz is None else KHZ * self.near_kHz
 
 
 def text(allowed: str, **limits: Any) -> Any:
-    """A field for a text, None where it is left out."""
+    """Declare a text, None if left out."""
     return Field(default=None, description=allowed, **limits)
 
 
@@ -168,7 +168,7 @@ class BandsTable(Table):
     )
     points: int = whole(1, 10_000, default=25)
     count: int = whole(1, 1000, default=10)
-    grid: int = Field(default=0, ge=0, le=200, description="a whole number from 0 (the path alone) to 200")
+    grid: int = Field(default=0, ge=0, le=200, description="a whole number from 0 (path only) to 200")
 
     @property
     def segments(self) -> int:
@@ -208,7 +208,7 @@ class PatchesTable(Table):
 
 
 def not_negative(within: Range) -> Any:
-    """A field for a number of 0 or more, 0 where it is left out."""
+    """Declare a number of 0 or more, 0 if left out."""
     return Field(default=0.0, ge=within[0], le=within[1], description=f"{NOT_NEGATIVE}, {span(within)}")
 
 
@@ -232,7 +232,7 @@ class TouchTable(Table):
 class MeasuredTable(Table):
     sweep: str | None = text("the path of a CSV file", min_length=1)
     map: str | None = text("the path of a CSV file", min_length=1)
-    at_mm: Place | None = Field(default=None, description="two numbers [x, y], where the sweep's laser stood")
+    at_mm: Place | None = Field(default=None, description="two numbers [x, y], the position of the sweep's laser")
 
 
 Deviation = Annotated[
@@ -259,17 +259,16 @@ class ToleranceTable(Table):
 
     @property
     def position_m(self) -> float:
-        """Standard deviation of a pillar's place along x and along y, m."""
+        """Standard deviation of a pillar's position along x and along y, m."""
         return MM * self.position_mm
 
 
 @dataclass
 class Tables:
-    """The tables of one file, each with its values in the file's units.
+    """Tables of one file, with values in the units of the file.
 
-    A key that was left out without a default is None; so is one of `faulty` (dotted), whose value is not allowed, and each
-    key of a table that is not among those `present`. `pitches_given` names the keys that gave a pitch, () for none; None
-    where one of them is faulty, or there is no [array].
+    An absent key without a default is None; so is one of `faulty` (dotted), and each key of a table not `present`.
+    `pitches_given` names the keys that set a pitch, () for none; None if one of them is faulty or there is no [array].
     """
 
     plate: PlateTable
@@ -290,29 +289,29 @@ class Tables:
 
     @classmethod
     def of(cls, found: dict[str, Table], faulty: set[str]) -> Tables:
-        """Those that were found, and empty ones for the others."""
+        """Build from the tables found, with empty ones for the others."""
         empty = {name: model.model_construct(**dict.fromkeys(model.model_fields)) for name, model in TABLES.items()}
         tables: dict[str, Any] = empty | found
         return cls(**tables, present=frozenset(found), faulty=faulty)
 
     def get(self, key: str) -> Any:
-        """The value of a dotted key."""
+        """Return the value of a dotted key."""
         table, _, name = key.partition(".")
         return getattr(getattr(self, table), name)
 
     def set(self, values: dict[str, Any]) -> None:
-        """Other values of dotted keys."""
+        """Set values of dotted keys."""
         for key, value in values.items():
             table, _, name = key.partition(".")
             setattr(self, table, getattr(self, table).but(**{name: value}))
 
     def knows(self, table: str, name: str) -> bool:
-        """Whether the table is there and the key's value, or its being left out, is allowed."""
+        """Whether the table is present and the key's value, or its absence, is valid."""
         return table in self.present and f"{table}.{name}" not in self.faulty
 
 
 class Zone(TypedDict, total=False):
-    """The active zone: a strip length_mm along x and width_mm across; the target mode has nodal_lines nodes along x.
+    """Active zone: a strip of length_mm along x and width_mm across; the target mode has nodal_lines nodes along x.
 
     >>> from antinode import Zone
     >>> Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8)["width_mm"]
@@ -328,7 +327,7 @@ class Zone(TypedDict, total=False):
 
 
 class Pillar(TypedDict, total=False):
-    """One pillar: its shape with the sizes in mm that this shape takes, height_mm, fillet_mm, faces, a material of its own.
+    """Pillar: shape with the sizes that it takes (mm), height_mm, fillet_mm, faces, optional material.
 
     >>> from antinode import Pillar
     >>> Pillar(shape="round", diameter_mm=2.0, height_mm=6.3)
@@ -349,7 +348,7 @@ class Pillar(TypedDict, total=False):
 
 
 class Tip(TypedDict, total=False):
-    """A heavy tip on every pillar: a square prism of side_mm and height_mm, of a material of its own where that is given.
+    """Tip mass on every pillar: a square prism of side_mm and height_mm, with an optional material.
 
     >>> from antinode import Tip
     >>> Tip(side_mm=2.0, height_mm=1.0, material="brass")
@@ -362,10 +361,10 @@ class Tip(TypedDict, total=False):
 
 
 class Array(TypedDict, total=False):
-    """Rows of pillars on each side of the zone at pitch_mm (or pitch_x_mm, pitch_y_mm), and extension_mm of plate beyond.
+    """Rows of pillars on each side of the zone at pitch_mm (or pitch_x_mm, pitch_y_mm), and the margin extension_mm.
 
-    Rows that differ have a list each, from the zone outwards: heights_mm, sides_mm, pitches_y_mm. stagger shifts every other
-    row by half a pitch.
+    Rows that differ are given by lists from the zone outwards: heights_mm, sides_mm, pitches_y_mm. stagger shifts every
+    other row by half a pitch.
 
     >>> from antinode import Array
     >>> Array(pitch_mm=4.0, rows=3, extension_mm=25.0)["rows"]
@@ -384,7 +383,7 @@ class Array(TypedDict, total=False):
 
 
 class Solve(TypedDict, total=False):
-    """What to look for and how exactly: band_kHz or near_kHz with count, accuracy (relative), model, mesh.
+    """Requested modes and accuracy: band_kHz, or near_kHz with count; accuracy (relative), model, mesh.
 
     >>> from antinode import Solve
     >>> Solve(band_kHz=(30.0, 34.0), accuracy=0.003)["band_kHz"]
@@ -483,7 +482,7 @@ def _pillar_table() -> type[Table]:
         keys[key] = (float | None, optional(LENGTH_MM)) if key.endswith("_mm") else (str | None, file)
     keys |= {"height_mm": (float | None, optional(LENGTH_MM)), "fillet_mm": (Length, 0.0)}
     faces = Field(
-        default="back", description="back, or both: the touch face beside the zone carries their mirror images"
+        default="back", description="back, or both: with their mirror images on the touch face beside the zone"
     )
     keys |= {"faces": (Literal["back", "both"], faces)}
     return create_model("PillarTable", __base__=Table, **keys)
@@ -506,7 +505,7 @@ TABLES: dict[str, type[Table]] = {
 
 
 def json_schema() -> dict[str, Any]:
-    """The case file as a JSON Schema (draft 2020-12), by which editors complete keys and check values."""
+    """Return the JSON Schema of the case file (draft 2020-12), for completion and validation in editors."""
     models: list[type[BaseModel]] = [*TABLES.values(), MaterialTable]
     references, root = models_json_schema([(model, "validation") for model in models])
     of = {model: references[model, "validation"] for model in models}
@@ -521,7 +520,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def known_keys() -> list[str]:
-    """Every key of a case file, dotted, such as pillar.side_mm."""
+    """Return every dotted key of a case file, such as pillar.side_mm."""
     owners = [f"{owner}.material".lstrip(".") for owner in MATERIAL_OWNERS]
     keys = ["name", *owners, *(f"{owner}.{key}" for owner in owners for key in MaterialTable.model_fields)]
     keys += [f"touch.impedance.{key}" for key in FingertipTable.model_fields]

@@ -1,4 +1,4 @@
-"""Two things side by side: designs and what they give (`compare`), gap edges and the committed ones (`check-gap`)."""
+"""Comparisons: two designs and their results (`compare`), gap edges and the committed reference (`check-gap`)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FILE = REFERENCE / "band_gap.csv"
 
 @dataclass(frozen=True)
 class Edge:
-    """One checked frequency: committed, found (None where there is no such edge), and the relative change allowed."""
+    """One checked frequency: committed value, computed value (None if the edge is gone), allowed relative change."""
 
     name: str
     reference_hz: float
@@ -40,36 +40,34 @@ class Edge:
 
     @property
     def relative_change(self) -> float | None:
-        """found/reference - 1."""
+        """Relative change, found/reference - 1."""
         return None if self.found_hz is None else self.found_hz / self.reference_hz - 1.0
 
     @property
     def holds(self) -> bool:
-        """Whether the change is within what is allowed; an edge that is gone does not hold."""
+        """Whether the change is within its limit; a missing edge is not."""
         return self.relative_change is not None and abs(self.relative_change) <= self.allowed
 
     @property
     def change_text(self) -> str | None:
-        """The change in per cent."""
+        """Change in per cent."""
         return None if self.relative_change is None else signed(percentage(self.relative_change, self.allowed))
 
     def to_dict(self) -> dict[str, Any]:
-        """The contract's fields; an edge that is gone is null."""
+        """Return the fields of the JSON document; a missing edge is null."""
         names = ("name", "reference_hz", "found_hz", "relative_change", "allowed")
         return {name: getattr(self, name) for name in names}
 
     @property
     def words(self) -> str:
-        """What became of it."""
+        """Describe the outcome."""
         if self.relative_change is None:
-            return (
-                f"{self.name} is gone: none was found beside the committed {frequency(self.reference_hz, self.allowed)}"
-            )
-        return f"{self.name} moved by {self.change_text}, allowed is {percent(self.allowed)}"
+            return f"{self.name} is missing: the committed value is {frequency(self.reference_hz, self.allowed)}"
+        return f"{self.name} moved by {self.change_text}, more than the allowed {percent(self.allowed)}"
 
 
 def edges_of(bands: BandsResult) -> dict[str, float | None]:
-    """Edges of the lowest complete gap and the cell's bending frequency at M, Hz; None where there is none."""
+    """Return the edges of the lowest complete gap and the cell's bending frequency at M, Hz; None where absent."""
     gap = bands.gaps[0] if bands.gaps else None
     pair = bands.bending_at_m_hz
     return {
@@ -80,7 +78,7 @@ def edges_of(bands: BandsResult) -> dict[str, float | None]:
 
 
 def read_reference() -> dict[str, tuple[float, float]]:
-    """Committed edges, {name: (Hz, allowed relative change)}. Raises CheckFailed when the file is missing."""
+    """Return the committed edges, {name: (Hz, allowed relative change)}. Raises CheckFailed without the file."""
     try:
         with FILE.open(newline="", encoding="utf-8") as file:
             return {row["name"]: (float(row["hz"]), float(row["allowed"])) for row in csv.DictReader(file)}
@@ -89,12 +87,12 @@ def read_reference() -> dict[str, tuple[float, float]]:
 
 
 def _figure_of_bands(record: BandsResult) -> ReportFigure:
-    """The bands whose edges are checked."""
+    """Bands whose edges are checked."""
     return ReportFigure("check-gap", "The checked bands", "Bands of the checked cell", record.as_figure(), vector=True)
 
 
 def check_gap(arguments: Namespace) -> int:
-    """Compare every committed edge with what is found now. Raises CheckFailed with a line for each that moved too far."""
+    """Compare committed edges with the computed ones. Raises CheckFailed with a line for each that moved too far."""
     place = arguments.case or str(STUDIES / "three-rows.toml")
     case, log = of_case(arguments, load_case(place, arguments.set)), TerminalLog(arguments.quiet)
     warn_of_doubts(case.design, log)
@@ -112,8 +110,8 @@ def check_gap(arguments: Namespace) -> int:
 
 
 Flat = dict[str, Any]
-ROUNDING = 1e-9  # relative: what two computations of the same figure may differ by
-# what a part of a list is called by: states under a finger, methods of confining, complete gaps
+ROUNDING = 1e-9  # relative difference between two computations of the same figure
+# field that names an item of a list: states under a finger, methods of confinement, complete gaps
 NAMED = (("state",), ("method",), ("lower_band", "upper_band"))
 NOT_COMPARED = (
     "schema",
@@ -131,7 +129,7 @@ NOT_COMPARED = (
 
 @dataclass(frozen=True)
 class Design:
-    """Quantities of a design by their dotted names, its bands as a document where they are known, and what it was read from."""
+    """Quantities of a design by dotted name, its bands as a document where known, and the kind of file it came from."""
 
     quantities: Flat
     bands: dict[str, Any] | None = None
@@ -139,10 +137,10 @@ class Design:
 
 
 def run(arguments: Namespace) -> int:
-    """Read both, line up their quantities, and print those that differ."""
+    """Read both designs, line up their quantities, and print those that differ."""
     one, two = (read(Path(place), arguments.solve, arguments.quiet) for place in (arguments.a, arguments.b))
     known = lined_up(one.quantities, two.quantities)
-    # a case, a record and a result each know what the others do not: that is no difference of two designs
+    # a case, a record and a result hold different quantities: those are not differences between two designs
     alike = [row for row in known if one.kind == two.kind or None not in (row["a"], row["b"])]
     rows = known if arguments.all else [row for row in alike if _differs(row)]
     head = ("quantity", "a", "b", "difference")
@@ -152,13 +150,13 @@ def run(arguments: Namespace) -> int:
     words = [outputs.table(head, lines) if lines else "nothing differs"]
     left = 0 if arguments.all else len(known) - len(alike)
     if left:
-        words.append(f"{left} quantities are known of one of the two alone: --all lists them")
+        words.append(f"{left} quantities are known for only one of the two: --all lists them")
     pictures = lambda: [_figure_of_both(arguments, one, two, rows)]  # noqa: E731
     return emit(arguments, "compare", Answer(document, words, head, cells, pictures))
 
 
 def _in_words(row: dict[str, Any], one: Flat, two: Flat) -> list[str | None]:
-    """A row for reading: figures with the digits of their bars, what was given as it is, the difference in percent."""
+    """Format a row: figures with the digits of their error bars, given values unchanged, the difference in percent."""
     name, difference = row["quantity"], row["difference"]
     apart = None if difference is None else signed(percentage(difference))
     return [name, _shown(name, one), _shown(name, two), apart]
@@ -173,26 +171,26 @@ def _shown(name: str, known: Flat) -> Any:
 
 
 def _figure_of_both(arguments: Namespace, one: Design, two: Design, rows: list[dict[str, Any]]) -> ReportFigure:
-    """Both bands over one path where both have them, else relative differences as bars."""
+    """Draw both band diagrams over one path where both have one, else relative differences as a bar chart."""
     drawn, axes = style.panels(3.6)
     if one.bands and two.bands:
         _overlaid(axes, {f"A: {arguments.a}": one.bands, f"B: {arguments.b}": two.bands})
     else:
         _differences(axes, rows)
-    return ReportFigure("compare", "Two designs side by side", f"{arguments.a} and {arguments.b}", drawn, True)
+    return ReportFigure("compare", "Comparison of two designs", f"{arguments.a} and {arguments.b}", drawn, True)
 
 
 def _differences(ax: Axes, rows: list[dict[str, Any]]) -> None:
-    """Relative differences of two designs as bars, the largest last and so on top."""
+    """Draw relative differences of two designs as a bar chart, the largest at the top."""
     known = sorted((row for row in rows if row["difference"]), key=lambda row: abs(row["difference"]))
     ax.figure.set_size_inches(style.WIDTH_IN, 1.2 + 0.28 * max(1, len(known)))  # type: ignore[union-attr]
     ax.barh([row["quantity"] for row in known], [100.0 * row["difference"] for row in known], color=style.BLUE)
     ax.axvline(0.0, color=style.GREY, lw=0.8)
-    ax.set(xlabel="B over A, %")
+    ax.set(xlabel="(B - A) / A (%)")
 
 
 def _overlaid(ax: Axes, named: dict[str, dict[str, Any]]) -> None:
-    """Bands of several cells over one path, its corners at the same places whatever their pitch; gaps shaded."""
+    """Draw bands of several cells over one path, its corners aligned for any pitch; gaps shaded."""
     import numpy as np
 
     for (name, document), colour in zip(named.items(), style.CYCLE, strict=False):
@@ -210,7 +208,7 @@ def _overlaid(ax: Axes, named: dict[str, dict[str, Any]]) -> None:
 
 
 def read(place: Path, solve: bool, quiet: bool) -> Design:
-    """What is known of a design. InputError for what is neither a case nor a result."""
+    """Read a design from a file. Raises InputError for anything other than a case or a result."""
     if place.suffix == ".toml":
         return _of_case(place, solve, quiet)
     file = place / store.RECORD if place.is_dir() else place
@@ -223,7 +221,10 @@ def read(place: Path, solve: bool, quiet: bool) -> Design:
         ) from error
     store.refuse_earlier(file, document)
     if not isinstance(document, dict):
-        raise InputError(f"{file}: holds no record and no JSON result")
+        raise InputError(
+            f"{file}: contains neither a record nor a JSON result; name a case file, a record.json or a file written "
+            "by --json"
+        )
     bands = document if {"points", "gaps"} <= document.keys() else document.get("bands")
     quantities = {key: value for key, value in document.items() if key not in NOT_COMPARED}
     if "with_defaults" in quantities:
@@ -251,7 +252,7 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
 
 
 def _solved(case: Case, log: TerminalLog) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """The target mode and the gaps of a case, and its bands where it has one cell."""
+    """Compute the target mode and the gaps of a case, and its bands if it has a single cell."""
     from pipeline.models.modes import solve_modes
     from pipeline.planning.model_choice import of_case as request_of
 
@@ -266,9 +267,7 @@ def _solved(case: Case, log: TerminalLog) -> tuple[dict[str, Any], dict[str, Any
 
 
 def flat(value: Any, name: str = "") -> Flat:
-    """Numbers, words and short lists by their dotted names, parts with a name of their own by it; tables of points are left
-    out.
-    """
+    """Return numbers, words and short lists by dotted name, named parts by their names, without tables of points."""
     if isinstance(value, dict):
         inside = (flat(item, f"{name}.{key}" if name else str(key)) for key, item in value.items())
         return {key: item for part in inside for key, item in part.items()}
@@ -283,7 +282,7 @@ def flat(value: Any, name: str = "") -> Flat:
 
 
 def lined_up(one: Flat, two: Flat) -> list[dict[str, Any]]:
-    """One row a quantity that either has; the difference relative to A where both are numbers."""
+    """Return one row per quantity of either design; the difference is relative to A where both are numbers."""
     both = ((name, one.get(name), two.get(name)) for name in dict.fromkeys((*one, *two)))
     return [{"quantity": name, "a": a, "b": b, "difference": _difference(a, b)} for name, a, b in both]
 

@@ -1,4 +1,4 @@
-"""`antinode explore`: a page of this machine on which a design is dragged and answers at once."""
+"""`antinode explore`: a local page with sliders for a design, which responds at once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def run(arguments: Namespace) -> int:
-    """Make the model of the case's cell, or take it from the cache, and serve its page until interrupted."""
+    """Compute the model of the case's cell, or load it from the cache, and serve its page until interrupted."""
     path = Path(arguments.case)
     raw = read_toml(path)
     case = case_from_dict(raw, path, arguments.set)
@@ -35,13 +35,13 @@ def run(arguments: Namespace) -> int:
         return 0
     from pipeline.explore.server import Server, serve
 
-    browses = not arguments.no_browser and sys.stdout.isatty()  # a person sits at a desktop
+    browses = not arguments.no_browser and sys.stdout.isatty()  # interactive use on a desktop
     serve(Server(explorer), arguments.port, lambda address: opened(address, browses, arguments.quiet))
     return 0
 
 
 def explorer_of(case: Case, raw: dict[str, Any], overrides: tuple[str, ...], log: Log) -> Explorer:
-    """What answers a page: the case's scene and the model of its cell. Raises InputError for a case that it cannot follow."""
+    """Return the page's answerer: the case and the model of its cell. Raises InputError for an unsupported case."""
     case.require_plate("explore")
     case.require("pillar", "zone", command="explore")
     from pipeline.explore.answer import Explorer, Scene
@@ -51,7 +51,7 @@ def explorer_of(case: Case, raw: dict[str, Any], overrides: tuple[str, ...], log
 
 
 def export(explorer: Explorer, path: Path, log: Log) -> None:
-    """Write the page as one file that answers in the browser alone."""
+    """Write the page as a single file that runs in the browser alone."""
     from pipeline.explore.offline import page
 
     with log.step("write the page"):
@@ -61,9 +61,9 @@ def export(explorer: Explorer, path: Path, log: Log) -> None:
 
 
 def opened(address: str, browser: bool, quiet: bool = False) -> None:
-    """Say the address on standard output; open it in a browser where one is asked for."""
+    """Print the address on standard output, and open it in a browser if requested."""
     print(address, flush=True)
     if not quiet:
-        print("press Ctrl-C to end; the address answers on this machine only", file=sys.stderr)
+        print("press Ctrl-C to stop; the address works on this machine only", file=sys.stderr)
     if browser:
         webbrowser.open(address)

@@ -10,16 +10,16 @@ from pipeline.logs import TerminalLog
 from pipeline.questions.command import Answer, emit, of_case
 from pipeline.records.part import DOCUMENT_SCHEMA
 
-SOLIDS = tuple(f"export {form}" for form in ("stl", "step", "3mf"))  # of any number of zones
+SOLIDS = tuple(f"export {form}" for form in ("stl", "step", "3mf"))  # for any number of zones
 
 
 def export(arguments: Namespace) -> int:
-    """Write files for other programs."""
+    """Write files for CAD, printing and other programs."""
     case, log = of_case(arguments, load_case(arguments.case, arguments.set)), TerminalLog(arguments.quiet)
     warn_of_doubts(case.design, log)
     from pipeline.exchange import exports
 
-    if (arguments.part, arguments.format) != ("plate", "phonopy"):  # bands need a cell alone
+    if (arguments.part, arguments.format) != ("plate", "phonopy"):  # bands need only a cell
         _require_part(case, arguments.part, f"export {arguments.format}")
     written = exports.write(case, arguments.format, arguments.output, log, arguments.part, arguments.force)
     answer = Answer(

@@ -1,4 +1,4 @@
-"""What is known: studies, materials, words, keys (`list`, `materials`, `glossary`, `schema`), this machine (`doctor`)."""
+"""Lists of studies, materials, terms and keys (`list`, `materials`, `glossary`, `schema`), and checks (`doctor`)."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ OPTIONAL = {
 }
 TOOLS = {
     "arm-none-eabi-gcc": "optional: ziglang builds the firmware without it",
-    "cc": "needed by host tests of the firmware",
+    "cc": "needed for the firmware's host tests",
     "ccx": "optional: CalculiX, an independent solver",
     "run_aster": "optional: Code_Aster, an independent solver",
 }
@@ -55,8 +55,8 @@ def doctor(arguments: Namespace) -> int:
     findings = {
         "machine": _machine(),
         "packages": {name: _version(name) or "MISSING: run `make setup`" for name in NEEDED},
-        "optional": {name: _version(name) or f"absent; gives {what}" for name, what in OPTIONAL.items()},
-        "tools": {name: shutil.which(name) or f"absent ({why})" for name, why in TOOLS.items()},
+        "optional": {name: _version(name) or f"not installed (optional): {what}" for name, what in OPTIONAL.items()},
+        "tools": {name: shutil.which(name) or f"not installed ({why})" for name, why in TOOLS.items()},
     }
     lines = []
     for group, entries in findings.items():
@@ -77,7 +77,7 @@ def _machine() -> dict[str, str]:
         import psutil
 
         memory = psutil.virtual_memory()
-        entries["memory"] = f"{memory.available / GIB:.1f} of {memory.total / GIB:.1f} GiB free"
+        entries["memory"] = f"{memory.available / GIB:.1f} GiB free of {memory.total / GIB:.1f} GiB"
     return entries
 
 
@@ -90,7 +90,7 @@ def _version(name: str) -> str | None:
 
 def _table(arguments: Namespace) -> int:
     if not arguments.file:
-        raise InputError("doctor table: FILE: missing, must be a mode table such as mode_table.bin")
+        raise InputError("doctor table: FILE is missing: name a mode table, such as mode_table.bin")
     try:
         with Path(arguments.file).open("rb") as file:
             table = from_bytes(file.read(MAX_BYTES + 1))
@@ -102,7 +102,7 @@ def _table(arguments: Namespace) -> int:
 
 
 def studies(arguments: Namespace) -> int:
-    """List the studies under the results folder with their cases by status."""
+    """List the studies in the results folder with their cases by status."""
     rows = []
     ours = {place for place in paths.RESULTS.glob("*") if place.is_dir() and place.name != "reference"}
     for folder in sorted(ours | {place.folder for place in study_file.known_places().values()}):
@@ -114,19 +114,21 @@ def studies(arguments: Namespace) -> int:
         report = str(folder / "report.html") if (folder / "report.html").is_file() else None
         rows.append([folder.name, len(cases), *(counts[key] for key in ("OK", "WARNING", "FAILED")), report])
     head = ("study", "cases", "ok", "warnings", "failed", "report")
-    return _listed(arguments, "studies", head, rows, f"no stored study in {paths.RESULTS}")
+    return _listed(
+        arguments, "studies", head, rows, f"no stored study in {paths.RESULTS}; antinode run STUDY computes one"
+    )
 
 
 def _listed(
     arguments: Namespace, name: str, head: Sequence[str], rows: Sequence[Sequence[Any]], nothing: str = ""
 ) -> int:
-    """Rows as a table, and as objects under a name."""
+    """Print rows as a table, or write them as JSON objects under a name."""
     document = {name: [dict(zip(head, row, strict=True)) for row in rows]}
     return emit(arguments, name, Answer(document, [table(head, rows) if rows else nothing], head, rows))
 
 
 def materials(arguments: Namespace) -> int:
-    """List the isotropic materials with constants and sources."""
+    """List the isotropic materials with their constants and sources."""
     head = ("name", "young_GPa", "density_kg_m3", "poisson", "source")
     known = [(m, m.as_isotropic) for m in MATERIALS.values()]
     rows = [[m.name, own.young_pa / GPA, m.density_kg_m3, own.poisson, m.source] for m, own in known]
@@ -140,12 +142,12 @@ def schema(arguments: Namespace) -> int:
 
 
 def glossary(arguments: Namespace) -> int:
-    """Print the meaning of a word of docs/glossary.md, or of all."""
+    """Print the definition of a term of docs/glossary.md, or of all."""
     entries = {}
     for line in (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split(" | ")]
         if line.startswith("| ") and len(cells) == 2 and cells[0] != "word":
-            entries[cells[0]] = re.sub(r" ?\[[^]]*\]\([^)]*\)\.?", "", cells[1])  # links lead nowhere in a terminal
+            entries[cells[0]] = re.sub(r" ?\[[^]]*\]\([^)]*\)\.?", "", cells[1])  # a terminal cannot follow links
     names = {words: [name.strip() for name in words.split(",")] for words in entries}
     word = arguments.word and arguments.word.lower()
     chosen = {words: text for words, text in entries.items() if word is None or word in map(str.lower, names[words])}

@@ -1,6 +1,6 @@
-"""The command `antinode`: arguments in, one command run, errors told in a line each, an exit code out; completions.
+"""The command `antinode`: parse arguments, run one command, print errors in a line each, set the exit code, complete.
 
-Questions declare their commands (`pipeline.questions`), commands.toml those of all others. Nothing heavy is imported
+Questions declare their commands (`pipeline.questions`); commands.toml declares the others. Nothing heavy is imported
 here: each command imports what it needs when it runs.
 """
 
@@ -24,16 +24,16 @@ from pipeline.questions import Listed, listed, load
 DECLARED = Path(__file__).with_name("commands.toml")
 GROUPS = ("case", "files", "plan")  # of options that every question has
 
-# What commands read, by the names of their arguments: never written over.
+# Arguments that name input files: these files are never overwritten.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
 
-FAMILIES = {"active": ("analogy and control models", "active beam --gain 1e7 --gain 1e8 --out beam")}
+FAMILIES = {"active": ("compute analogy and control models", "active beam --gain 1e7 --gain 1e8 --out beam")}
 MAX_DIGITS = 40  # characters
 DONE, WRONG_INPUT, NOT_TRUSTED, CHECK_FAILED, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
 
 
 class _Parser(argparse.ArgumentParser):
-    """argparse, with one line for an error instead of a usage block, and the nearest command for one that there is not."""
+    """Argument parser that prints an error in one line instead of a usage block and suggests the nearest command."""
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.dest == "command" and action.choices is not None and value not in action.choices:
@@ -48,10 +48,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _Version(argparse.Action):
-    """Print the version and leave; only then is it looked up."""
+    """Print the version and exit; it is looked up only then."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        """Print it."""
+        """Print the version."""
         from importlib.metadata import version
 
         print(f"antinode {version('antinode')}")
@@ -62,14 +62,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; the exit code is the contract with scripts."""
     words = sys.argv[1:] if argv is None else argv
     _open_streams()
-    if "_ARGCOMPLETE" in os.environ:  # a shell asks what could come next
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks for completions
         complete(_parser())
     arguments = _read(_parser(_asked(words)), words)
     try:
         with terminable():
             return _run(arguments)
     except KeyboardInterrupt:
-        print("antinode: interrupted; what was finished is kept", file=sys.stderr)
+        print("antinode: interrupted; finished work is kept", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -81,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def completion(arguments: Namespace) -> int:
-    """Print the shell's code that asks `antinode` itself for completions."""
+    """Print the shell code that asks `antinode` for completions."""
     import argcomplete
 
     print(argcomplete.shellcode(["antinode"], shell=arguments.shell).strip())
@@ -89,7 +89,7 @@ def completion(arguments: Namespace) -> int:
 
 
 def complete(parser: ArgumentParser) -> None:
-    """Answer a shell that asks what could come next, and end."""
+    """Print the completions that a shell asks for, and exit."""
     import argcomplete
     from argcomplete.completers import FilesCompleter
 
@@ -102,14 +102,14 @@ def complete(parser: ArgumentParser) -> None:
 
 
 def _open_streams() -> None:
-    """Standard output and error that the caller closed lead nowhere."""
+    """Redirect standard output and error to the null device where the caller closed them."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115
 
 
 def _read(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Namespace:
-    """A command line as arguments; `antinode` alone and `antinode help [COMMAND]` ask for help as --help does."""
+    """Parse a command line; `antinode` alone and `antinode help [COMMAND]` mean --help."""
     if not words or words[0] == "help":
         words = [*words[1:2], "--help"]
     arguments, unknown = parser.parse_known_args(words)
@@ -123,7 +123,7 @@ def _read(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Nam
 
 
 def _asked(words: Sequence[str]) -> str:
-    """The command that a command line names, '' where it names none."""
+    """Return the command that a command line names, '' if it names none."""
     return next((each for each in words if not each.startswith("-") and each != "help"), "")
 
 
@@ -134,7 +134,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     _require_threads()
     lend_cache_folders()
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for some reads every distribution installed
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search reads every installed distribution
     TerminalLog.verbose = arguments.verbose
     with inputs_kept():
         read_by_command(*(place for name in READ if isinstance(place := getattr(arguments, name, None), str)))
@@ -143,24 +143,24 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _function(place: str) -> Callable[..., Any]:
-    """A function by its module and name, MODULE:NAME."""
+    """Import a function from MODULE:NAME."""
     module, _, name = place.partition(":")
     function: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return function
 
 
 def _require_threads() -> None:
-    """InputError for a limit of threads that is none."""
+    """Raise InputError for an invalid limit of threads."""
     from pipeline.errors import InputError
     from solvers.machine import LIMIT
 
     given = os.environ.get(LIMIT, "0")
     if not given.isdecimal():
-        raise InputError(f"{LIMIT} = {given!r}: must be a whole number of threads, 0 for every core")
+        raise InputError(f"{LIMIT} = {given!r}: must be a whole number of threads; 0 uses every core")
 
 
 def _report_error(error: Exception) -> int:
-    """One line per reason, and the code that an error stands for."""
+    """Print one line per reason and return the exit code of the error."""
     from geometry.errors import GeometryError, MeshError
     from pipeline.errors import CommandError
     from solvers.errors import SolverError
@@ -179,7 +179,7 @@ def _report_error(error: Exception) -> int:
         lines, code = [f"{error.name} is not installed: run `make setup`"], UNAVAILABLE
     else:
         lines, code = (
-            [f"unexpected {type(error).__name__}: {error}; --debug shows where. Please report it"],
+            [f"unexpected {type(error).__name__}: {error}; --debug prints the traceback. Please report it"],
             NOT_TRUSTED,
         )
     for line in lines:
@@ -188,18 +188,18 @@ def _report_error(error: Exception) -> int:
 
 
 def _parser(asked: str | None = None) -> argparse.ArgumentParser:
-    """The parser with the commands of questions and those of commands.toml.
+    """Build the parser from the commands of questions and those of commands.toml.
 
-    Of the commands of questions only the one that is asked has options, so that no other is loaded; by default all have.
+    Only the requested question gets its options, so that no other question is loaded; by default all of them do.
     """
     parser = _Parser(
         prog="antinode",
-        description="Touch plates that hold their vibration: from one case file to modes, band gaps, prints and firmware.",
+        description="Design touch plates that confine vibration: one case file gives modes, gaps, prints and firmware.",
         epilog="example: antinode modes studies/three-rows.toml --part zone --near 40kHz --count 3",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(debug=False)
-    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and leave")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     with DECLARED.open("rb") as file:
         declared = tomllib.load(file)
@@ -227,7 +227,7 @@ def _parser(asked: str | None = None) -> argparse.ArgumentParser:
 
 
 def _add_options(sub: argparse.ArgumentParser, listed: Listed, groups: dict[str, Any]) -> None:
-    """The options that every question has, and its own."""
+    """Add the options that every question has, and its own."""
     from pipeline.questions.command import add_options
 
     question = load(listed)
@@ -239,7 +239,7 @@ def _add_options(sub: argparse.ArgumentParser, listed: Listed, groups: dict[str,
 
 
 def _family(commands: Any, name: str) -> Any:
-    """A command whose models are commands of their own."""
+    """Add a command whose models are subcommands."""
     return _sub(commands, name, *FAMILIES[name]).add_subparsers(dest="model", required=True, metavar="MODEL")
 
 
@@ -253,12 +253,12 @@ def _sub(commands: Any, name: str, text: str, example: str) -> argparse.Argument
 
 
 def _command(commands: Any, name: str, text: str, example: str, handler: str) -> argparse.ArgumentParser:
-    """A command by its name, help and example; `handler` is the module and the function that run it."""
+    """Add a command by its name, help and example; `handler` is the module and the function that run it."""
     sub = _sub(commands, name, text, example)
     sub.set_defaults(handler=handler, prog=sub.prog)
-    sub.add_argument("-q", "--quiet", action="store_true", help="no progress and no log on standard error")
-    sub.add_argument("-v", "--verbose", action="store_true", help="also log what is left out, and why")
-    sub.add_argument("--debug", action="store_true", help="show where an error came from")
+    sub.add_argument("-q", "--quiet", action="store_true", help="print no progress or log on standard error")
+    sub.add_argument("-v", "--verbose", action="store_true", help="also log the simplifications and their reasons")
+    sub.add_argument("--debug", action="store_true", help="print the traceback of an error")
     return sub
 
 
@@ -273,7 +273,7 @@ def _add(sub: argparse.ArgumentParser, flag: str, *declared: dict[str, Any] | st
 
 
 def _count(least: int, most: int) -> Callable[[str], int]:
-    """The type of an option that counts something, within the limits of the same key of a case file."""
+    """Return the type of an option that counts something, within the limits of the same key of a case file."""
 
     def number(text: str) -> int:
         value = int(text) if len(text) < MAX_DIGITS else -1
@@ -285,7 +285,7 @@ def _count(least: int, most: int) -> Callable[[str], int]:
 
 
 def _studies(prefix: str, **_: Any) -> list[str]:
-    """Studies by their names, and study files below the folder."""
+    """Complete study names, and study files below the folder."""
     from argcomplete.completers import FilesCompleter
 
     from pipeline.batch.study_file import checkout_studies
@@ -295,7 +295,7 @@ def _studies(prefix: str, **_: Any) -> list[str]:
 
 
 def _keys(prefix: str, **_: Any) -> Iterator[str]:
-    """Keys of a case file with what a named choice may be."""
+    """Complete the keys of a case file and the values of named choices."""
     from typing import Literal, get_args, get_origin
 
     from geometry.materials import MATERIALS
@@ -309,7 +309,7 @@ def _keys(prefix: str, **_: Any) -> Iterator[str]:
 
 
 def _varied(prefix: str, **_: Any) -> list[str]:
-    """Keys that a search may vary."""
+    """Complete the keys that a search may vary."""
     from pipeline.search.space import searchable_keys, word_keys
 
     return [f"{key}=" for key in (*searchable_keys(), *word_keys())]

@@ -1,4 +1,4 @@
-"""`antinode new`: a commented case file, sized by pre-design from a few wishes."""
+"""`antinode new`: write a commented case file, sized by pre-design from a few requirements."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WISHES = {
     "extension": (25.0, "plate beyond the last row, mm"),
 }
 UNITS = {"material": "NAME", "frequency": "F", "rows": "N"}  # the others are lengths
-OPTIONS = {  # by the keys that take them as they are
+OPTIONS = {  # keys that take the value unchanged
     "plate.thickness_mm": "--thickness",
     "zone.length_mm": "--length",
     "pillar.side_mm": "--side",
@@ -31,17 +31,17 @@ TEMPLATE = Path(__file__).with_name("new_case.toml.template")
 
 
 def add_options(new: ArgumentParser) -> None:
-    """Add the place of the file and the wishes to the command."""
-    new.add_argument("place", metavar="FILE", help="where to write the case")
+    """Add the output path and the requirements to the command."""
+    new.add_argument("place", metavar="FILE", help="case file to write")
     for name, (default, words) in WISHES.items():
         new.add_argument(
             option(name), type=type(default), metavar=UNITS.get(name, "MM"), help=f"{words} (default: {default})"
         )
-    new.add_argument("--force", action="store_true", help="replace a file that is there")
+    new.add_argument("--force", action="store_true", help="overwrite an existing file")
 
 
 def run(arguments: Namespace) -> int:
-    """Ask where a person sits there and gave nothing, size zone and pillars, check the case, and write it."""
+    """Prompt if interactive and nothing was given, size zone and pillars, check the case, and write it."""
     from geometry.materials import MATERIALS
     from pipeline.case.limits import parse_frequency
     from pipeline.errors import InputError
@@ -49,7 +49,7 @@ def run(arguments: Namespace) -> int:
 
     place = Path(arguments.place)
     if place.exists() and not arguments.force:
-        raise InputError(f"{place}: is there already; --force replaces it")
+        raise InputError(f"{place}: already exists; --force overwrites it")
     wishes = _wishes(arguments)
     if wishes["material"] not in MATERIALS:
         raise InputError(f"--material = {wishes['material']}: must be one of {', '.join(MATERIALS)}")
@@ -62,7 +62,7 @@ def run(arguments: Namespace) -> int:
 
 
 def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
-    """The case whose zone and pillars are sized for a frequency. Raises InputError where no zone can be."""
+    """Return the case with zone and pillars sized for a frequency. Raises InputError if no zone fits."""
     from geometry.layout import Pillar
     from geometry.materials import MATERIALS, Stack
     from pipeline.case.limits import MAX_NODAL_LINES
@@ -92,7 +92,7 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
 
 
 def _check_lengths(wishes: dict[str, Any]) -> None:
-    """InputError with a line for every length that no case file takes either."""
+    """Raise InputError with a line for every length outside a case file's limits."""
     from pipeline.case.limits import LENGTH_MM, span
     from pipeline.errors import InputError
 
@@ -103,7 +103,7 @@ def _check_lengths(wishes: dict[str, Any]) -> None:
 
 
 def _check_frequency(wishes: dict[str, Any], frequency_hz: float, strip: Any, lines: int) -> None:
-    """InputError with the frequencies between which the zone is neither infinitely wide nor narrower than it may be."""
+    """Raise InputError with the range of frequencies for which the zone has an admissible width."""
     from dataclasses import replace
 
     from pipeline.errors import InputError
@@ -115,18 +115,19 @@ def _check_frequency(wishes: dict[str, Any], frequency_hz: float, strip: Any, li
     if not low < frequency_hz / KHZ <= high:
         raise InputError(
             f"--frequency = {wishes['frequency']}: must be from {low:g}kHz to {high:g}kHz for a zone of "
-            f"{wishes['length']:g} mm with {lines} nodal lines, no narrower than {narrowest:g} mm (two pillar sides, and the "
+            f"{wishes['length']:g} mm with {lines} nodal lines, at least {narrowest:g} mm wide (two pillar sides, and "
+            "the "
             "plate's thickness)"
         )
 
 
 def option(name: str) -> str:
-    """A wish as an option of the command."""
+    """Return a requirement as an option of the command."""
     return f"--{name.replace('_', '-')}"
 
 
 def check(text: str, place: Path, wishes: dict[str, Any]) -> None:
-    """InputError with a line for every fault that the case would have, by the option that the key stems from."""
+    """Raise InputError with a line for every fault of the case, named by the option behind the key."""
     import tomllib
 
     from pipeline.case.model import case_from_dict
@@ -139,7 +140,7 @@ def check(text: str, place: Path, wishes: dict[str, Any]) -> None:
 
 
 def _by_option(fault: str, wishes: dict[str, Any]) -> str:
-    """A fault of a key told of the option whose value it takes, or by which it was sized."""
+    """Rephrase the fault of a key in terms of the option that sets or sizes it."""
     for key, given in OPTIONS.items():
         if fault.startswith(key):
             return fault.replace(key, given, 1)
@@ -148,7 +149,7 @@ def _by_option(fault: str, wishes: dict[str, Any]) -> str:
 
 
 def _wishes(arguments: Namespace) -> dict[str, Any]:
-    """Wishes from the options, from the person where one is there and nothing was given, else the defaults."""
+    """Return the requirements: options, prompts if interactive and nothing was given, else defaults."""
     given = {name: getattr(arguments, name) for name in WISHES}
     asks = sys.stdin.isatty() and not arguments.quiet and all(value is None for value in given.values())
     if asks:

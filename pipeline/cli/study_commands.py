@@ -1,4 +1,4 @@
-"""The commands that work on a study: run it, rebuild its report."""
+"""Commands that work on a study: run it, rebuild its report, show it."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from pipeline.batch.study_file import find_study, load_study
 from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
 
-WORDS = {"explorer.html": "explorer"}  # what a file is called when it is told, if not report or table
+WORDS = {"explorer.html": "explorer"}  # label of a written file other than report or table
 
 if TYPE_CHECKING:
     from pipeline.batch.runner import StudyOutcome
 
 
 def _study(path_or_name: str) -> tuple[Any, Any]:
-    """The module that computes studies of one kind, and the study: both kinds offer the same functions."""
+    """Return the study and the module for its kind; both kinds offer the same functions."""
     from pipeline.batch import script_study
 
     if script := script_study.load_script(find_study(path_or_name)):
         return script_study, script
     study = load_study(path_or_name)
-    from pipeline.batch import case_study  # now that the file is known to be right: it loads what computes
+    from pipeline.batch import case_study  # only once the file has been validated: this loads the solvers
 
     return case_study, study
 
@@ -72,9 +72,11 @@ def run(arguments: Namespace) -> int:
 def _lost(address: str, outcome: StudyOutcome) -> str:
     total, lost = len(outcome.plan), len(outcome.given_up)
     return (
-        f"--scheduler = {address}: the Dask scheduler was lost, or cancelled cases: {lost} of {total} were at work there. "
-        f"The {total - len(outcome.undone)} finished ones are kept. Start a scheduler again and repeat the command, or leave "
-        "--scheduler out to go on here: only what is missing is computed"
+        f"--scheduler = {address}: the Dask scheduler was lost or cancelled cases: {lost} of {total} were running "
+        "there. "
+        f"The {total - len(outcome.undone)} finished ones are kept. Restart the scheduler and repeat the command, or "
+        "leave "
+        "out --scheduler to continue on this machine: only missing cases are computed"
     )
 
 
@@ -86,14 +88,14 @@ def _log_summary(paths: Sequence[Path], quiet: bool) -> None:
 
 
 def _log_without_effect(folder: Path) -> None:
-    """A line for each key that was varied for nothing."""
+    """Yield a line for each swept key that changes no result."""
     from pipeline.questions import study as asked
     from pipeline.records.study import read_study
     from pipeline.records.tables import without_effect
 
     study = read_study(folder)
     for key in without_effect(study, asked.columns_of(study)):
-        print(f"antinode: {key} changes no figure of this study: none of its measures depends on it", file=sys.stderr)
+        print(f"antinode: {key} does not affect this study: none of its measures depends on it", file=sys.stderr)
 
 
 def _executor(address: str | None) -> Executor | None:
@@ -107,14 +109,14 @@ def _executor(address: str | None) -> Executor | None:
         client = Client(address, timeout="10s")
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(f"--scheduler = {address}: no Dask scheduler answers there ({error})") from error
-    for name in ("distributed", "distributed.client"):  # a lost scheduler is told in one line, not in its traceback
+    for name in ("distributed", "distributed.client"):  # a lost scheduler is reported in one line, without a traceback
         logging.getLogger(name).setLevel(logging.CRITICAL)
     executor: Executor = client.get_executor()
     return executor
 
 
 def _stored(arguments: Namespace) -> tuple[Any, Any, Path]:
-    """A study's kind, the study and the folder of its results. Raises InputError when nothing is stored."""
+    """Return a study's kind, the study and its results folder. Raises InputError when nothing is stored."""
     kind, study = _study(arguments.study)
     folder = study_file.stored_folder(study.name, study.source, arguments.results)
     if not (folder / "cases.json").exists():
@@ -123,7 +125,7 @@ def _stored(arguments: Namespace) -> tuple[Any, Any, Path]:
 
 
 def report(arguments: Namespace) -> int:
-    """Rebuild table, figures and page from the records; cases whose records cannot be trusted are named."""
+    """Rebuild table, figures and page from the records; list cases with damaged records."""
     from pipeline.records.study import read_study
 
     kind, study, folder = _stored(arguments)
@@ -139,7 +141,7 @@ def report(arguments: Namespace) -> int:
 
 
 def show(arguments: Namespace) -> int:
-    """Print what a stored study found: its answer, its facts and the table's main columns."""
+    """Print the result of a stored study, its facts and the main columns of its table."""
     from pipeline.questions import study as asked
     from pipeline.questions.command import Answer, emit
     from pipeline.records.outputs import table

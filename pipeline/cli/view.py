@@ -1,4 +1,4 @@
-"""`antinode view`: a window on a plate and its modes, where there is a display."""
+"""`antinode view`: show a plate and its modes in a window, if there is a display."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from pipeline.records import outputs, store
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, read_study
 
-MAX_SHAPES = 7  # of a plate: the target mode and its neighbours
-DRAWN = 0.4  # of the pillars' height (of the thickness without any): the largest displacement as first drawn
+MAX_SHAPES = 7  # shapes of a plate: the target mode and its neighbours
+DRAWN = 0.4  # largest displacement as first drawn, relative to the pillars' height (the thickness without pillars)
 PERIOD_MS, FRAME_MS = 1600, 40
-KEYS = "space plays and pauses, n takes the next shape, up and down the amplitude"
-PICTURES, SIZE, STEPS = (".png", ".gif"), (960, 600), 24  # endings, pixels, and pictures of a period
-INSTEAD = "`antinode report STUDY` writes a page whose shapes turn and move in a browser"
+KEYS = "space plays and pauses, n shows the next shape, up and down change the amplitude"
+PICTURES, SIZE, STEPS = (".png", ".gif"), (960, 600), 24  # file endings, pixels, and frames per period
+NO_DISPLAY_HINT = "`antinode report STUDY` writes a page with animated shapes for a browser"
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What a window shows: points (n, 3) in mm, facets, and named shapes (n, 3) that move the points; `reach` in mm."""
+    """Content of a window: points (n, 3) in mm, facets, and named shapes (n, 3) that move the points; `reach` in mm."""
 
     title: str
     points: FloatArray
@@ -55,7 +55,7 @@ def view(arguments: Namespace) -> int:
     if place:
         outputs.check_files("--off-screen", [place])
     elif missing := display_fault():
-        raise NotAvailable(f"view: {missing}; without a window, --off-screen FILE.png draws one, and {INSTEAD}")
+        raise NotAvailable(f"view: {missing}; without a window, --off-screen FILE.png draws one, and {NO_DISPLAY_HINT}")
     if kind == "file":
         scene = of_vtu(Path(arguments.target))
     elif kind == "case":
@@ -71,7 +71,7 @@ def view(arguments: Namespace) -> int:
 
 
 def _kind(target: str) -> str:
-    """Whether the target is a file, a case or a study. Raises InputError when it is none of them."""
+    """Classify the target as a mesh file, a case or a study. Raises InputError for anything else."""
     from pipeline.batch.study_file import find_study
     from pipeline.case.reading import nearest_file, read_toml
 
@@ -84,7 +84,7 @@ def _kind(target: str) -> str:
 
 
 def display_fault() -> str:
-    """Return '' or why no window can be opened: Linux needs an X server that answers."""
+    """Return '' or the reason why no window can be opened: Linux needs a responding X server."""
     if not sys.platform.startswith("linux"):
         return ""
     name = os.environ.get("DISPLAY", "")
@@ -95,12 +95,14 @@ def display_fault() -> str:
         return f"DISPLAY = {name}: must be like :0 or host:10.0"
     hostname, number = match[1], int(match[2])
     return (
-        "" if any(_answers(place) for place in _places(hostname, number)) else f"no display answers at DISPLAY = {name}"
+        ""
+        if any(_answers(place) for place in _places(hostname, number))
+        else f"no display responds at DISPLAY = {name}"
     )
 
 
 def _places(hostname: str, number: int) -> list[Any]:
-    """Where an X server listens: a socket of this machine (abstract or in /tmp), or TCP."""
+    """Return the address of an X server: a local socket (abstract or in /tmp), or TCP."""
     if hostname in {"", "unix"}:
         return [f"\0/tmp/.X11-unix/X{number}", f"/tmp/.X11-unix/X{number}"]
     return [(hostname, 6000 + number)]
@@ -118,40 +120,38 @@ def _answers(place: Any) -> bool:
 
 
 def of_study(target: str, case_id: str | None = None, results: str | None = None) -> Scene:
-    """Return a stored case of a study with its stored modes; the best confined one unless named."""
+    """Return a stored case of a study with its modes; the best confined one unless named."""
     from pipeline.batch import study_file
     from pipeline.batch.script_study import load_script
     from pipeline.batch.study_file import find_study, load_study
     from pipeline.report import text
 
     if script := load_script(find_study(target)):
-        raise InputError(
-            f"{target}: {script.name} holds no plate to view; antinode report {script.name} writes its page"
-        )
+        raise InputError(f"{target}: {script.name} has no plate to show; antinode report {script.name} writes its page")
     location = load_study(target)
     try:
         study = read_study(study_file.stored_folder(location.name, location.source, results))
     except store.BadRecord as error:
-        raise InputError(f"{target}: nothing is stored yet; run it first: antinode run {target}") from error
+        raise InputError(f"{target}: no stored results; run it first: antinode run {target}") from error
     names = [case.case_id for case in study.cases]
     if case_id is not None and case_id not in names:
         raise InputError(f"--case = {case_id}: must be one of {', '.join(names[:12])}")
     case = study.cases[names.index(case_id)] if case_id else text.best_case(study)
     if case is None:
-        raise InputError(f"{target}: no case of it has a target mode")
+        raise InputError(f"{target}: none of its cases has a target mode")
     return _stored(case)
 
 
 def _stored(case: StoredCase) -> Scene:
     arrays, errors = case.read_arrays()
     if skin_faces(arrays, "surface") is None or "surface_u" not in arrays:
-        why = "its record holds no moving surface; measure modes and run the study again"
+        why = "its record contains no mode shapes; add modes to the study's measures and run it again"
         raise InputError(errors or f"{case.case_id}: {why if case.record.answered else case.record.diagnosis}")
     return of_arrays(case.case_id, arrays, case.record.design)
 
 
 def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -> Scene:
-    """The moving surface as a study stores it."""
+    """Build the scene from the mode shapes that a study stores."""
     facets, points = skin_faces(arrays, "surface"), np.asarray(arrays["surface_points"], dtype=float)
     assert facets is not None
     kept, triangles = closed_surface(points, facets, design.thickness_m if design else None)
@@ -165,7 +165,7 @@ def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -
 
 
 def of_case(arguments: Namespace) -> Scene:
-    """The plate of a case file as CAD builds it; with --solve its target mode and neighbours."""
+    """Build the scene of a case file with CAD; with --solve, its target mode and the neighbouring modes."""
     from pipeline.case.limits import warn_of_doubts
     from pipeline.case.model import load_case
     from pipeline.models import mode_fields, modes
@@ -180,7 +180,7 @@ def of_case(arguments: Namespace) -> Scene:
     part_modes = part_modes.whole_window
     index = part_modes.index(part_modes.target.row) if part_modes.target else None
     if index is None:
-        raise InputError(f"{case.name}: no mode of the plate has the target shape; antinode modes tells what is there")
+        raise InputError(f"{case.name}: no mode of the plate has the target shape; antinode modes lists its modes")
     arrays = mode_fields.plate_arrays(part_modes, nearest_rows(part_modes, index)[:MAX_SHAPES])
     return of_arrays(case.name, arrays, DesignRecord.of_design(case.design))
 
@@ -198,14 +198,14 @@ def _solid(case: Any, log: TerminalLog) -> Scene:
 
 
 def of_vtu(path: Path) -> Scene:
-    """The outer surface of a VTU file in metres; every field of three components at its points is a shape."""
+    """Read the outer surface of a VTU file in metres; every three-component point field is a shape."""
     import pyvista as pv
 
     with _hushed():
         try:
             mesh = pv.read(path)
-        except Exception as error:  # VTK's readers raise what they like
-            raise InputError(f"{path}: not a VTU file that can be read ({type(error).__name__}: {error})") from error
+        except Exception as error:  # VTK's readers raise exceptions of any type
+            raise InputError(f"{path}: cannot be read as a VTU file ({type(error).__name__}: {error})") from error
         if not isinstance(mesh, pv.UnstructuredGrid) or not mesh.n_cells:
             raise InputError(f"{path}: no cells could be read; must be a VTU file, an unstructured grid with cells")
         surface = mesh.extract_surface(nonlinear_subdivision=0).triangulate()
@@ -219,7 +219,7 @@ def of_vtu(path: Path) -> Scene:
 
 @contextmanager
 def _hushed() -> Iterator[None]:
-    """VTK tells what it dislikes of a file in many lines on standard error; here one line is told instead."""
+    """Capture VTK's many lines on standard error about a faulty file and report one line instead."""
     from vtkmodules.vtkCommonCore import vtkLogger
 
     level = vtkLogger.GetCurrentVerbosityCutoff()
@@ -235,7 +235,7 @@ def _hushed() -> Iterator[None]:
 
 
 def show(scene: Scene) -> None:
-    """Open the window and stay until it is closed."""
+    """Open the window and wait until it is closed."""
     plotter, motion = _staged(scene)
     if motion:
         motion.start()
@@ -243,13 +243,13 @@ def show(scene: Scene) -> None:
 
 
 def draw(scene: Scene, place: Path) -> None:
-    """Draw a scene into a file without a window. Raises NotAvailable where this machine's graphics library cannot."""
+    """Draw a scene into a file without a window. Raises NotAvailable if the graphics library cannot."""
     from PIL import Image
 
     film = place.suffix.lower() == ".gif" and bool(scene.shapes)
     pixels, fault = rendering.drawn_apart(_frames, replace(scene, shapes=scene.shapes[:1]), STEPS if film else 1)
     if fault:
-        raise NotAvailable(f"--off-screen: {fault}; {INSTEAD}")
+        raise NotAvailable(f"--off-screen: {fault}; {NO_DISPLAY_HINT}")
     first, *others = (Image.fromarray(each) for each in pixels)
     more: dict[str, Any] = {"save_all": True, "append_images": others, "duration": PERIOD_MS // STEPS, "loop": 0}
     with outputs.delivered(place) as temporary:
@@ -257,7 +257,7 @@ def draw(scene: Scene, place: Path) -> None:
 
 
 def _frames(scene: Scene, count: int) -> list[Any]:
-    """The child's part of `draw`: one picture at the largest motion, or those of a period."""
+    """Run `draw` in the child process: one picture at the largest displacement, or the frames of a period."""
     plotter, motion = _staged(scene, off_screen=True, window_size=list(SIZE))
     frames = []
     for step in range(count):
@@ -269,7 +269,7 @@ def _frames(scene: Scene, count: int) -> list[Any]:
 
 
 def _staged(scene: Scene, **window: Any) -> tuple[Any, _Motion | None]:
-    """A plotter with the scene and a camera on it, and what moves it; None for a body without shapes."""
+    """Return a plotter with the scene and camera, and its animation; None for a body without shapes."""
     import pyvista as pv
 
     mesh = pv.PolyData.from_regular_faces(scene.points, scene.facets.astype(int))  # type: ignore[arg-type]
@@ -290,7 +290,7 @@ def _staged(scene: Scene, **window: Any) -> tuple[Any, _Motion | None]:
 
 
 class _Motion:
-    """Moves a window's mesh: space plays and pauses, n takes the next shape, up and down the amplitude."""
+    """Animation of a window's mesh: space plays and pauses, n is the next shape, up and down the amplitude."""
 
     def __init__(self, plotter: Any, mesh: Any, scene: Scene, keys: str) -> None:
         self.plotter, self.mesh, self.scene, self.keys = plotter, mesh, scene, keys
@@ -298,7 +298,7 @@ class _Motion:
         self._take(0)
 
     def start(self) -> None:
-        """Let keys and a timer move the shape."""
+        """Connect keys and a timer to the animation."""
         self.plotter.add_key_event("space", self._toggle)
         self.plotter.add_key_event("n", lambda: self._take(self.number + 1))
         self.plotter.add_key_event("Up", lambda: self._scale(1.25))
@@ -306,7 +306,7 @@ class _Motion:
         self.plotter.add_timer_event(max_steps=10**9, duration=FRAME_MS, callback=self._step)
 
     def at(self, time_ms: float) -> None:
-        """Show the shape as it is at a time."""
+        """Draw the shape at one time."""
         self.time_ms = time_ms
         self._draw()
 
@@ -315,7 +315,7 @@ class _Motion:
         name, shape = self.scene.shapes[self.number]
         self.shape = shape / max(float(np.abs(shape).max()), 1e-300)
         self.level = self.shape[:, 2] / max(float(np.abs(self.shape[:, 2]).max()), 1e-300)
-        self.plotter.add_text(f"{self.scene.title}: {name}{self.keys}", font_size=9, color="black", name="told")
+        self.plotter.add_text(f"{self.scene.title}: {name}{self.keys}", font_size=9, color="black", name="title")
         self._draw()
 
     def _toggle(self) -> None:

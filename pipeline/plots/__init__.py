@@ -1,1 +1,1 @@
-"""Figures from stored records."""
+"""Figures drawn from stored records."""

@@ -1,4 +1,4 @@
-"""Fields on the plate: modes on the touch face, on both kinds of mesh."""
+"""Fields on the plate: modes on the touch face, for both kinds of mesh."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ KINDS = {"hex": "structured hexahedra", "tet": "tetrahedra (pytetwild)"}
 
 
 def skin_faces(arrays: dict[str, Any], prefix: str) -> IntArray | None:
-    """Faces (m, 3 or 4) of a stored skin, None when it is not stored."""
+    """Return the faces (m, 3 or 4) of a stored surface, None if not stored."""
     return next((arrays[f"{prefix}_{kind}"] for kind in ("quads", "triangles") if f"{prefix}_{kind}" in arrays), None)
 
 
 def footprints_mm(design: DesignRecord, centres_m: FloatArray) -> list[FloatArray]:
-    """The outline of every pillar's foot, fillet included, about centres (n, 2): each (corners, 2), mm.
+    """Return the outline of every foot, fillet included, around centres (n, 2): each (corners, 2), mm.
 
-    Where rows differ, the centres are those of all pillars.
+    If rows differ, the centres are those of all pillars.
     """
     if not design.pillar:
         return []
@@ -43,7 +43,7 @@ def footprints_mm(design: DesignRecord, centres_m: FloatArray) -> list[FloatArra
 
 
 def draw_outlines(axes: Axes, design: DesignRecord) -> None:
-    """The zone's long sides (dashed) and every pillar's footprint, in mm."""
+    """Draw the zone's long sides (dashed) and every pillar's footprint, in mm."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Rectangle
 
@@ -57,7 +57,7 @@ def draw_outlines(axes: Axes, design: DesignRecord) -> None:
 
 
 def frame_plate(axes: Axes, design: DesignRecord) -> None:
-    """Axes in mm just around the plate."""
+    """Set the axes in mm to the bounds of the plate."""
     half_x, half_y = design.length_m / 2 / MM, design.half_span_m / MM
     rim = 0.01 * half_x
     axes.set(xlim=(-half_x - rim, half_x + rim), ylim=(-half_y - rim, half_y + rim))
@@ -67,12 +67,12 @@ def frame_plate(axes: Axes, design: DesignRecord) -> None:
 
 
 def flat_height_in(design: DesignRecord, width_in: float) -> float:
-    """Height of a plate drawn `width_in` wide, inches."""
+    """Return the height of a plate drawn `width_in` wide, inches."""
     return float(width_in * design.half_span_m / (design.length_m / 2))
 
 
 def zone_peak(arrays: dict[str, Any], design: DesignRecord) -> float:
-    """Largest |u_z| of the target mode on the active touch face, in the mode's own scale."""
+    """Return the largest |u_z| of the target mode on the active touch face, in the scale of the mode."""
     inside = np.abs(arrays["touch_xy"][:, 1]) <= design.width_m / 2 * (1 + 1e-9)
     return float(np.max(np.abs(arrays["touch_uz"][0][inside])))
 
@@ -81,12 +81,12 @@ MAX_NEIGHBOURS = 4
 
 
 def moving_design(case: StoredCase, arrays: dict[str, Any]) -> DesignRecord | None:
-    """The design of a case whose mode on the touch face is stored."""
+    """Return the design of a case with a stored mode on the touch face."""
     return case.record.design if {"touch_xy", "touch_triangles", "touch_uz"} <= arrays.keys() else None
 
 
 def target_hz(case: StoredCase, arrays: dict[str, Any]) -> float | None:
-    """Frequency of the mode shown, Hz."""
+    """Return the frequency of the mode shown, Hz."""
     kept = arrays.get("surface_frequency_hz")
     if case.record.target:
         return case.record.target.frequency_hz
@@ -94,20 +94,20 @@ def target_hz(case: StoredCase, arrays: dict[str, Any]) -> float | None:
 
 
 def mode_at(case: StoredCase, arrays: dict[str, Any]) -> str:
-    """The frequency of the mode shown, in words."""
+    """Return the frequency of the mode shown, in words."""
     tone, target = target_hz(case, arrays), case.record.target
     error = target.frequency_error if target else None
     return "" if tone is None else f" at {frequency(tone, error)}"
 
 
 def level_text(case: StoredCase) -> str:
-    """How well the target mode is confined, in words."""
+    """Describe the confinement of the target mode in words."""
     record = case.record
     if record.confinement_db is None:
-        return "confinement has no meaning here (no passive face)"
+        return "confinement is undefined (no passive face)"
     driven = "" if record.driven_db is None else f", {level(record.driven_db)} as driven"
     own = level(record.confinement_db, record.target.confinement_error_db if record.target else None)
-    return f"{record.verdict}: {own}{driven} (at least {CONFINED_DB:g} dB counts as confined)"
+    return f"{record.verdict}: {own}{driven} (confined from {CONFINED_DB:g} dB upwards)"
 
 
 def _paint(axes: Axes, arrays: dict[str, Any], values: FloatArray, design: DesignRecord) -> TriMesh:
@@ -118,7 +118,7 @@ def _paint(axes: Axes, arrays: dict[str, Any], values: FloatArray, design: Desig
 
 
 def _field(axes: Axes, points_m: FloatArray, triangles: IntArray, values: FloatArray) -> TriMesh:
-    """Values from -1 to 1 over triangles of points (n, 2), smooth between the points."""
+    """Draw values from -1 to 1 over triangles of points (n, 2), interpolated between the points."""
     look: dict[str, Any] = {"shading": "gouraud", "cmap": style.SIGNED, "vmin": -1, "vmax": 1}
     field: TriMesh = axes.tripcolor(*(points_m / MM).T, triangles, values, **look)  # type: ignore[call-overload]
     field.set_rasterized(True)
@@ -126,25 +126,25 @@ def _field(axes: Axes, points_m: FloatArray, triangles: IntArray, values: FloatA
 
 
 def touch_face(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """Normal displacement of the target mode on the touch face, zone and footprints drawn."""
+    """Draw the normal displacement of the target mode on the touch face, with zone and footprints."""
     design = moving_design(case, arrays)
     if design is None:
         return None
     figure, axes = style.panels(flat_height_in(design, 6.2) + 1.1)
     field = _paint(axes, arrays, arrays["touch_uz"][0] / zone_peak(arrays, design), design)
-    label = "u$_z$ / largest in the zone (no unit)"
+    label = "u$_z$ / maximum in the zone"
     figure.colorbar(field, ax=axes, shrink=0.85, pad=0.01, aspect=22, label=label)
     title = f"Target mode on the touch face{mode_at(case, arrays)}"
     axes.set_title(f"{title}\n{level_text(case)}")
     alt = (
         f"Map of the normal displacement of the target mode{mode_at(case, arrays)} on the touch face of "
-        f"{case.case_id}: {level_text(case)}. Dashed lines bound the active zone, small outlines the pillars' feet."
+        f"{case.case_id}: {level_text(case)}. Dashed lines bound the active zone; small outlines are the pillars' feet."
     )
     return ReportFigure("touch_face", title, alt, figure)
 
 
 def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """The kept modes side by side, the target mode first."""
+    """Draw the stored modes, the target mode first."""
     design = moving_design(case, arrays)
     if design is None or len(arrays["touch_uz"]) < 2 or "surface_frequency_hz" not in arrays:
         return None
@@ -165,13 +165,13 @@ def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
         axes.set_axis_off()
     alt = (
         f"Normal displacement on the touch face of the target mode and its neighbours, at {', '.join(tones)}, "
-        "each over its own largest value."
+        "each relative to its own maximum."
     )
     return ReportFigure("neighbours", "The target mode and its neighbours", alt, figure)
 
 
 def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """The target mode's normal displacement on the touch face: hexahedra beside tetrahedra, the same part of the plate."""
+    """Draw the target mode's normal displacement on the touch face for hexahedra and for tetrahedra."""
     design = case.record.design
     if not design or not {"tet_points", "tet_triangles", "tet_u", "touch_uz"} <= arrays.keys():
         return None
@@ -194,14 +194,14 @@ def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigur
         axes.set(xlim=box[:, 0], ylim=box[:, 1], title=kind + (f"\n{frequency(tone)}" if tone else ""))
         style.mm_axes(axes)
         axes.label_outer()
-    figure.colorbar(field, ax=list(panels), shrink=0.8, pad=0.01, label="u$_z$ / largest in the zone")
+    figure.colorbar(field, ax=list(panels), shrink=0.8, pad=0.01, label="u$_z$ / maximum in the zone")
     text = f"; frequencies differ by {percentage(compared.relative_difference)}" if compared else ""
-    alt = f"Normal displacement of {case.case_id}'s target mode on the touch face by hexahedra and by tetrahedra{text}."
-    return ReportFigure("mode_on_both_meshes", "The target mode by hexahedra and by tetrahedra", alt, figure)
+    alt = f"Normal displacement of {case.case_id}'s target mode on the touch face: hexahedra and tetrahedra{text}."
+    return ReportFigure("mode_on_both_meshes", "Target mode with hexahedra and with tetrahedra", alt, figure)
 
 
 def _aligned(arrays: dict[str, Any], points: FloatArray, uz: FloatArray, faces: IntArray) -> FloatArray:
-    """The tetrahedral field over its own largest value, in the sign of the other one (a mode's sign is free)."""
+    """Return the tetrahedral field relative to its maximum, with the sign of the other (modes have no sign)."""
     from scipy.interpolate import NearestNDInterpolator
 
     nodes = np.unique(faces)
@@ -214,7 +214,7 @@ LOOK = {"shading": "nearest", "rasterized": True}
 
 
 def panels(count: int, width_m: float | None) -> tuple[Any, list[Any]]:
-    """Return a figure and axes for fields one below another, with the zone's borders where its width is known."""
+    """Return a figure and axes for fields in a column, with the zone's borders if its width is known."""
     figure, grid = style.panels(2.4 * count + 0.4, count, 1, squeeze=False)
     sides = () if width_m is None else (-width_m / 2.0, width_m / 2.0)
     for axes in grid[:, 0]:
@@ -224,7 +224,7 @@ def panels(count: int, width_m: float | None) -> tuple[Any, list[Any]]:
 
 
 def field(axes: Any, x_m: Sequence[float], y_m: Sequence[float], values: Any, label: str, title: str) -> None:
-    """Draw a field over places, x first; nothing where it is None."""
+    """Draw a field over positions, x first; nothing if it is None."""
     shown = np.ma.masked_invalid(np.array(values, dtype=float).T)
     image = axes.pcolormesh(np.array(x_m) / MM, np.array(y_m) / MM, shown, cmap=style.QUALITY, **LOOK)
     style.mm_axes(axes)

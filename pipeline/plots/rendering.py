@@ -1,8 +1,8 @@
-"""Shaded images of surfaces by PyVista, off-screen, in a process of its own: geometry, the moving plate and meshes.
+"""Shaded images of surfaces by PyVista, off-screen, in a separate process: geometry, the moving plate and meshes.
 
-A missing EGL library ends the process with a segmentation fault, which no exception handler sees: so a child draws, and
-the parent looks at the image before believing it. The child is kept: loading VTK takes longer than a picture. Without it, NumPy
-makes a plain projection.
+A missing EGL library ends the process with a segmentation fault, which no exception handler catches. A child process
+therefore draws, and the parent checks the image. The child is reused, since loading VTK takes longer than a picture.
+Without it, NumPy makes a plain projection.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 TIMEOUT_S = 120.0
 SIZE = (1500, 940)
 MARGIN = 12
-MIN_INK, MAX_INK = 0.005, 0.995  # share of pixels that are not background
+MIN_INK, MAX_INK = 0.005, 0.995  # smallest fraction of pixels that are not background
 PLAIN_COLOUR = "#AEB8C2"
-_faults: list[str] = []  # why rendering failed in this process: not tried again
+_faults: list[str] = []  # reason for a failure in this process; rendering is not tried again
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Surface:
 
 
 def render(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], str]:
-    """Images (h, w, 3) of the surfaces, cropped, and '' or why they are plain projections instead of renderings."""
+    """Return cropped images (h, w, 3) of the surfaces, and '' or why they are plain projections."""
     if not surfaces:
         return [], ""
     if not _faults:
@@ -70,7 +70,7 @@ def render(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], str]:
 
 
 def drawn_apart(draw: Callable[..., list[NDArray[np.uint8]]], *given: Any) -> tuple[list[NDArray[np.uint8]], str]:
-    """Images that a function draws in the kept child, and '' or why they are not to be believed."""
+    """Return images that a function draws in the child, and '' or why they are unusable."""
     images: list[NDArray[np.uint8]] = []
     with tempfile.NamedTemporaryFile(prefix="antinode-render-") as said:
         try:
@@ -96,14 +96,14 @@ def _end_child() -> None:
 
 @lru_cache(maxsize=1)
 def _child() -> LocalWorkers:
-    """The process that draws, which ends before this one does."""
+    """Return the drawing process, which ends before this one."""
     workers = LocalWorkers(1, 1)
     Finalize(None, workers.kill, exitpriority=1)
     return workers
 
 
 def _draw_quietly(said: Path, draw: Callable[..., Any], *given: Any) -> Any:
-    """The child's part: what graphics libraries say goes to a file, not to the terminal; without a display VTK draws by EGL."""
+    """Draw in the child: messages of graphics libraries go to a file; without a display VTK uses EGL."""
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     with said.open("ab") as file:
@@ -117,7 +117,7 @@ def _draw_all(surfaces: Sequence[Surface]) -> list[NDArray[np.uint8]]:
 
 
 def image_fault(image: NDArray[np.uint8]) -> str:
-    """'' or why an image shows nothing."""
+    """Return '' or why an image shows nothing."""
     ink = float(np.mean(_inked(image)))
     if not MIN_INK < ink < MAX_INK:
         return f"the image is empty ({percentage(ink)} of it is not background)"
@@ -138,7 +138,7 @@ def _crop(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _by_hand(surface: Surface) -> NDArray[np.uint8]:
-    """Parallel projection by matplotlib, shaded; edges and values as in a rendering."""
+    """Draw a shaded parallel projection with matplotlib; edges and values as in a rendering."""
     from matplotlib import colormaps
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -171,7 +171,7 @@ def _draw_with_pyvista(surface: Surface) -> NDArray[np.uint8]:
     if surface.values is None:
         looks["color"] = PLAIN_COLOUR
     else:
-        looks |= {"ambient": 0.75, "diffuse": 0.3}  # shading must not be read as a value
+        looks |= {"ambient": 0.75, "diffuse": 0.3}  # shading must not be mistaken for a value
         mesh.cell_data["value"] = surface.values
         looks |= {"scalars": "value", "cmap": surface.colours, "clim": (0.0, 1.0), "show_scalar_bar": False}
     plotter.add_mesh(mesh, **looks)
@@ -185,16 +185,16 @@ def _draw_with_pyvista(surface: Surface) -> NDArray[np.uint8]:
     return image
 
 
-DRAWN_SHARE = 0.3  # of a pillar's height: the largest displacement in the picture of a mode
+DRAWN_SHARE = 0.3  # largest displacement in the picture of a mode, relative to a pillar's height
 CORNER_M = 0.022
-CAPTION = 100  # characters of a line
+CAPTION = 100  # characters per line
 PLATE_PREFIXES = ("mesh", "tet")
-MIXED = "panels with a pillar in tetrahedra,\nbare ones in hexahedra"
+MIXED = "panels with a pillar: tetrahedra,\nbare panels: hexahedra"
 TITLES = {"plate": "Meshes of the plate, one corner", "cell": "Meshes of the unit cell"}
 
 
 def report_figures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigure]:
-    """Geometry, the moving plate and its pillars from above, its meshes and the cell's, all rendered in one go."""
+    """Return geometry, moving plate, pillars from above, and the meshes of plate and cell, rendered together."""
     factor = _drawn_factor(case, arrays)
     visible = {name: surface for name, surface in _surfaces(case, arrays, factor).items() if surface is not None}
     images, fault = render(list(visible.values()))
@@ -210,7 +210,7 @@ def report_figures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigur
 
 
 def _surfaces(case: StoredCase, arrays: dict[str, Any], factor: float) -> dict[str, Surface | None]:
-    """What is rendered, by name: the plate, its target mode, and each mesh's skin coloured by the quality of its faces."""
+    """Return the rendered surfaces by name: plate, target mode, and each mesh coloured by the quality of its faces."""
     design, faces = case.record.design, skin_faces(arrays, "surface")
     shown: dict[str, Surface | None] = {}
     if design and faces is not None and "surface_points" in arrays:
@@ -224,7 +224,7 @@ def _surfaces(case: StoredCase, arrays: dict[str, Any], factor: float) -> dict[s
 
 
 def _drawn_factor(case: StoredCase, arrays: dict[str, Any]) -> float:
-    """How many times as large the target mode is drawn, 1 um at the zone's largest; 0 where none is stored."""
+    """Return the exaggeration of the target mode for 1 um at the zone's maximum; 0 if none is stored."""
     design = moving_design(case, arrays)
     if design is None or "surface_u" not in arrays:
         return 0.0
@@ -234,7 +234,7 @@ def _drawn_factor(case: StoredCase, arrays: dict[str, Any]) -> float:
 
 
 def nice_below(value: float) -> float:
-    """Largest of 1, 2, 5 times a power of ten not above a positive value."""
+    """Return the largest of 1, 2, 5 times a power of ten not above a positive value."""
     decade = 10.0 ** floor(log10(value))
     return next(step * decade for step in (5.0, 2.0, 1.0) if step * decade <= value * (1 + 1e-12))
 
@@ -242,7 +242,7 @@ def nice_below(value: float) -> float:
 def _of_mode(
     arrays: dict[str, Any], design: DesignRecord, points: FloatArray, faces: IntArray, factor: float
 ) -> dict[str, Surface]:
-    """The displaced plate coloured by u_z, and all pillars from above coloured by their displacement along x and along y."""
+    """Return the displaced plate coloured by u_z, and the pillars from above coloured by displacement along x and y."""
     u = arrays["surface_u"][0] / zone_peak(arrays, design)
     shown = {"mode": Surface(points + factor * UM * u, faces, _signed(u[:, 2], faces, 1.0), colours=style.SIGNED)}
     if limit := in_plane_limit(arrays, design):
@@ -253,12 +253,12 @@ def _of_mode(
 
 
 def _signed(values: FloatArray, faces: IntArray, limit: float) -> FloatArray:
-    """A value a face in 0..1, a half for nothing."""
+    """Return a value per face in 0..1, one half for 0."""
     return np.asarray(np.clip(0.5 + 0.5 * values[faces].mean(axis=1) / limit, 0.0, 1.0))
 
 
 def in_plane_limit(arrays: dict[str, Any], design: DesignRecord) -> float:
-    """Largest displacement of pillars along x or y over the zone's largest normal one; 0 without pillars."""
+    """Return the pillars' largest displacement along x or y relative to the zone's maximum; 0 without pillars."""
     high = arrays["surface_points"][:, 2] > design.thickness_m * (1.0 + 1e-6)
     return float(np.max(np.abs(arrays["surface_u"][0][high, :2]), initial=0.0)) / zone_peak(arrays, design)
 
@@ -274,20 +274,20 @@ def _mesh_surface(arrays: dict[str, Any], prefix: str, design: DesignRecord | No
 
 
 def _corner(points: FloatArray, faces: IntArray, design: DesignRecord) -> tuple[FloatArray, IntArray]:
-    """The corner of the plate at the largest x and y, from inside the zone's side on: elements large enough to be seen."""
+    """Return the plate's corner at the largest x and y, from inside the zone outwards, to make elements visible."""
     middles = points[faces].mean(axis=1)
     columns = np.unique(np.reshape(design.pillar_centres_m, (-1, 2))[:, 0])
     between = (columns[1:] + columns[:-1]) / 2  # cut no pillar
     start = design.length_m / 2 - CORNER_M
     visible = middles[:, 0] > (between[np.argmin(np.abs(between - start))] if between.size else start)
     visible &= middles[:, 1] > min(design.width_m / 2, design.half_span_m - CORNER_M)
-    visible |= ~visible.any()  # a mesh that has no such corner is shown whole
+    visible |= ~visible.any()  # a mesh without such a corner is shown whole
     used, renumbered = np.unique(faces[visible], return_inverse=True)
     return points[used], renumbered.reshape(-1, faces.shape[1])
 
 
 def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFigure | None:
-    """The whole plate from the pillars' side, dimensions beside."""
+    """Draw the whole plate from the pillars' side, with dimensions."""
     design = case.record.design
     if design is None or "geometry" not in picture:
         return None
@@ -303,7 +303,7 @@ def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFi
 def _moving(
     case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any], factor: float, fault: str
 ) -> ReportFigure | None:
-    """The target mode with displacements exaggerated by a stated factor."""
+    """Draw the target mode with displacements exaggerated by a stated factor."""
     if "mode" not in picture:
         return None
     image = picture["mode"]
@@ -311,17 +311,17 @@ def _moving(
     _show(axes, image)
     _bar(figure, [axes], "u$_z$ / largest in the zone (no unit)", (-1.0, 1.0), style.SIGNED)
     times = f"{factor:,.0f}".replace(",", "\u202f")
-    title = f"Target mode{mode_at(case, arrays)}, displacements drawn {times} times as large"
-    axes.set_title(f"{title}\n(zone's largest u$_z$ = 1 µm)")
+    title = f"Target mode{mode_at(case, arrays)}, displacements enlarged {times} times"
+    axes.set_title(f"{title}\n(maximum u$_z$ in the zone: 1 µm)")
     alt = (
         f"Plate and pillars of {case.case_id} in perspective in the target mode; displacements are exaggerated "
-        f"{factor:.0f} times for 1 micrometre at the zone's largest normal displacement.{_note(fault)}"
+        f"{factor:.0f} times for a maximum normal displacement of 1 micrometre in the zone.{_note(fault)}"
     )
     return ReportFigure("moving_plate", title, alt, figure)
 
 
 def _in_plane(case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any], fault: str) -> ReportFigure | None:
-    """In-plane displacement of the pillars, over the zone's largest normal displacement."""
+    """Draw the in-plane displacement of the pillars relative to the zone's maximum normal displacement."""
     design = case.record.design
     if design is None or "x above" not in picture:
         return None
@@ -333,17 +333,17 @@ def _in_plane(case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any],
         axes.set(title=f"Displacement along {name}, from above", ylabel="y (mm)")
     panels[-1].set_xlabel("x (mm)")
     limit = in_plane_limit(arrays, design)
-    label = "displacement of the pillars / largest u$_z$ in the zone (no unit)"
+    label = "displacement of the pillars / maximum u$_z$ in the zone"
     _bar(figure, panels, label, (-limit, limit), style.SIGNED)
     alt = (
         f"Two maps of the pillars of {case.case_id} from above, coloured by their displacement along x and along y; the "
-        f"largest is {figure_text(limit)} times the zone's largest normal displacement.{_note(fault)}"
+        f"largest is {figure_text(limit)} times the maximum normal displacement in the zone.{_note(fault)}"
     )
     return ReportFigure("pillars_in_plane", f"In-plane motion of the pillars{mode_at(case, arrays)}", alt, figure)
 
 
 def _extent_mm(image: Any, design: DesignRecord) -> tuple[float, float, float, float]:
-    """Left, right, lower and upper edge, mm, of a cropped picture of the plate from above."""
+    """Return left, right, lower and upper edge, mm, of a cropped picture of the plate from above."""
     height, width = image.shape[:2]
     half_x, half_y = design.length_m / 2.0 / MM, design.half_span_m / MM
     beyond_x, beyond_y = (
@@ -369,7 +369,7 @@ def _dimensions(design: DesignRecord, geometry: Any) -> str:
         if pillar.faces == 2:
             words.append("on both faces")
         if tip := pillar.heavy_tip:
-            words.append(f"on each a tip {tip.side_m / MM:g} mm wide and {tip.height_m / MM:g} mm high")
+            words.append(f"each with a tip {tip.side_m / MM:g} mm wide and {tip.height_m / MM:g} mm high")
     if geometry:
         words.append(f"{figure_text(geometry.mass_kg / GRAM)} g")
     return "; ".join(words)
@@ -385,10 +385,10 @@ def _show(axes: Axes, image: Any) -> None:
 
 
 def face_quality(points: FloatArray, faces: IntArray) -> FloatArray:
-    """Shape quality of triangles or quadrangles in 0..1, the same measure for both.
+    """Return the shape quality of triangles or quadrangles in 0..1, with a common measure.
 
-    Least over the corners of 2 |a x b| / (|a|^2 + |b|^2) with the two edges a, b of a corner, over its value for the
-    regular polygon: 1 for a square or an equilateral triangle, 0 for a collapsed face. Shapes (n, 3), (m, 3 or 4) -> (m,).
+    Minimum over the corners of 2 |a x b| / (|a|^2 + |b|^2) with the two edges a, b of a corner, over its value for the
+        regular polygon: 1 for a square or an equilateral triangle, 0 for a collapsed face. Shapes (n, 3), (m, 3 or 4) -> (m,).
     """
     corners = points[faces]
     a, b = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
@@ -400,7 +400,7 @@ def face_quality(points: FloatArray, faces: IntArray) -> FloatArray:
 def _meshes(
     case: StoredCase, visible: dict[str, Surface], picture: dict[str, Any], what: str, fault: str
 ) -> ReportFigure | None:
-    """Meshes of the plate or of the unit cell side by side, coloured by the shape of the visible faces."""
+    """Draw meshes of the plate or of the unit cell, coloured by the shape of the visible faces."""
     kinds = [kind for kind in KINDS if f"{what} {kind}" in picture]
     if not kinds:
         return None
@@ -418,7 +418,7 @@ def _meshes(
         if quality is not None and quality.size:
             worst = f", face quality {figure_text(quality.min())} to {figure_text(quality.max())}"
         words.append(label.replace("\n", ", ") + worst)
-    label = "shape quality of the visible faces (no unit; 1: square or equilateral triangle)"
+    label = "shape quality of the visible faces (1: square or equilateral triangle)"
     _bar(figure, panels[0], label, (0.0, 1.0), style.QUALITY)
     title = TITLES[what]
     alt = f"{title} of {case.case_id}: {'; '.join(words)}.{_note(fault)}"

@@ -1,4 +1,4 @@
-"""One style for every picture: saved as SVG and PNG with its alternative text."""
+"""Common style of all pictures, saved as SVG and PNG with alternative text."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 PICTURES = "pictures"
 WIDTH_IN = 7.6
 DPI = 150
-POINTS_PER_IN = 72  # the unit of an SVG
-PNG_LEVEL = 4  # of 9: half the time of the usual 6 for files a twentieth larger
+POINTS_PER_IN = 72  # length unit of an SVG
+PNG_LEVEL = 4  # of 9: half the time of the default 6 for files 5 % larger
 WEBP_QUALITY = 75
-SHOWN_PX = 960  # width in a page: twice what a column of two is wide on a screen
-SVG_BYTES = 40_000  # of lines; what has more is smaller as pixels
-# Okabe and Ito's colours: told apart with any colour vision.
+SHOWN_PX = 960  # width in a page: twice that of one of two columns on a screen
+SVG_BYTES = 40_000  # limit for line drawings; larger ones are smaller as pixels
+# Okabe and Ito's colours, distinguishable with any colour vision.
 BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, GREY = (
     *("#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7"),
     "#5A5A5A",
@@ -38,7 +38,7 @@ STYLE = {
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # no axis has ticks on top: where to put titles need not be looked for each time
+    "axes.titley": 1.0,  # no axis has ticks on top, so titles need no search for a position
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.linewidth": 0.7,
@@ -57,18 +57,18 @@ STYLE = {
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """A figure with its file name, its title and what it shows in words."""
+    """A figure with its file name, title and description."""
 
     name: str
     title: str
     alt: str
     figure: Figure
-    vector: bool = False  # mostly lines: a page shows the SVG while it is small, else a compressed image
+    vector: bool = False  # mostly lines: a page shows the SVG if small, else a compressed image
 
 
 @dataclass(frozen=True)
 class StoredFigure:
-    """A stored picture: file names without folder, title, alternative text; `shown`, of a size, is what a page embeds."""
+    """A stored picture: file names without folder, title, alternative text; a page embeds `shown`, with its size."""
 
     name: str
     title: str
@@ -78,12 +78,12 @@ class StoredFigure:
     shown: str
     width: int
     height: int
-    lines: bool = False  # on white: a dark page turns it round
+    lines: bool = False  # on white: a dark page inverts it
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The common look."""
+    """Context with the common style."""
     import matplotlib as mpl
 
     with mpl.rc_context(STYLE):  # type: ignore[arg-type]
@@ -91,7 +91,7 @@ def style() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, inches; drawn off-screen whatever the machine offers."""
+    """Return an empty figure, size in inches, drawn off-screen on any machine."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -101,35 +101,35 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def panels(height: float, *grid: int, **look: Any) -> tuple[Figure, Any]:
-    """An empty figure as wide as a page, and its axes: one, or an array of rows and columns."""
+    """Return an empty figure of page width, and its axes: one, or an array of rows and columns."""
     figure = new_figure(WIDTH_IN, height)
     return figure, figure.subplots(*grid, **look)
 
 
 def draw_lines(draw: Callable[..., Any], x: Any, curves: Mapping[str, Any], **look: Any) -> None:
-    """Named curves over x by a method of axes such as semilogy, each in its own colour and dashes."""
+    """Draw named curves over x with a method of axes such as semilogy, each with its own colour and dashes."""
     for (name, y), own in zip(curves.items(), LOOKS, strict=False):
         draw(x, y, label=name, **own, **look)
 
 
 def mark(axes: Axes, *places: float) -> None:
-    """Dotted vertical lines."""
+    """Draw dotted vertical lines."""
     for x in places:
         axes.axvline(x, color=GREY, lw=0.8, ls=":")
 
 
 def mm_axes(axes: Axes, x: str = "x", y: str = "y") -> None:
-    """Equal scales and labels in mm."""
+    """Set equal scales and labels in mm."""
     axes.set(aspect="equal", xlabel=f"{x} (mm)", ylabel=f"{y} (mm)")
 
 
 def legend_below(figure: Figure, handles: Any, labels: Any, columns: int = 3, size: float = 7.0) -> None:
-    """One legend of all panels, beneath them."""
+    """Draw one legend for all panels, below them."""
     figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, len(labels)), fontsize=size)
 
 
 def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
-    """Write folder/NAME.svg and .png, each whole or not at all; the same figure gives the same bytes."""
+    """Write folder/NAME.svg and .png atomically; the same figure gives the same bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     words = {"Title": report_figure.title, "Description": report_figure.alt}
     files: dict[str, str] = {}
@@ -137,9 +137,9 @@ def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
         if engine := report_figure.figure.get_layout_engine():  # once for both files
             engine.execute(report_figure.figure)
             if any(axes.get_aspect() != "auto" for axes in report_figure.figure.axes):
-                engine.execute(report_figure.figure)  # which have their place, and their labels, only now
+                engine.execute(report_figure.figure)  # whose positions and labels are only known now
         report_figure.figure.set_layout_engine("none")
-        # the layout's last bits depend on where memory lies, and name clip paths
+        # the last bits of the layout depend on memory addresses, and name clip paths
         for axes in report_figure.figure.axes:
             left, low, width, height = (round(edge, 9) for edge in axes.get_position(original=True).bounds)
             axes.set_position((left, low, width, height))
@@ -155,7 +155,7 @@ def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
 
 
 def _drawn(figure: Figure, kind: str, notes: dict[str, str | None]) -> bytes:
-    """The file's bytes, drawn once: `savefig` draws twice, to lay out what is laid out already."""
+    """Return the file's bytes, drawn once: `savefig` draws twice to repeat a finished layout."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
@@ -170,8 +170,9 @@ def _drawn(figure: Figure, kind: str, notes: dict[str, str | None]) -> bytes:
 
 
 def _compressed(folder: Path, png: str, lines: bool) -> str:
-    """A WebP beside the PNG, as wide as a page shows it: of lines on white an exact one where that is smaller; the PNG itself
-    where this Pillow cannot write WebP.
+    """Write a WebP next to the PNG, of the width in a page, lossless for lines on white if smaller.
+
+    The PNG itself is used if this Pillow cannot write WebP.
     """
     from PIL import Image, features
 

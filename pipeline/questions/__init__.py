@@ -1,7 +1,7 @@
-"""What can be asked of a case: a file a question, each found by its name.
+"""Questions that a case can answer, one file per question, each found by its name.
 
-What `antinode --help` says of each stands in index.json, so that only the question that is asked is loaded.
-`python -m pipeline.questions` writes it anew; a question that it lacks is loaded instead, and found all the same.
+The help line of each question is kept in index.json, so that only the requested question is loaded.
+`python -m pipeline.questions` rewrites it; a question missing from it is found by loading its module.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 MECHANISM = ("question", "result", "command", "late", "study", "__main__")
 INDEX = Path(__file__).with_name("index.json")
-# of help and reference; what is not listed follows
+# order in help and reference; unlisted questions follow
 IN_ORDER = (
     *("predesign", "modes", "bands", "attenuation", "broadband", "response", "tolerance", "touch", "hybrid", "travel"),
     *("crosstalk", "search", "active", "active_dq"),
@@ -24,7 +24,7 @@ IN_ORDER = (
 
 
 class Listed(NamedTuple):
-    """A question as help lists it: its module and name, the words of its command, and the command's sentence and example."""
+    """Entry of a question in the help: module, name, words of its command, sentence and example."""
 
     module: str
     name: str
@@ -42,7 +42,7 @@ def registered() -> dict[str, type[Any]]:
 
 
 def known() -> dict[str, type[Any]]:
-    """Return every question by name, those that studies alone ask, too."""
+    """Return every question by name, including those that only studies ask."""
     _load()
     from pipeline.questions.question import IN_STUDIES, QUESTIONS
 
@@ -50,7 +50,7 @@ def known() -> dict[str, type[Any]]:
 
 
 def listed() -> list[Listed]:
-    """Return what help says of every question that has a command, loading only those that the index lacks."""
+    """Return the help entries of all questions with a command, loading only those missing from the index."""
     index = json.loads(INDEX.read_text(encoding="utf-8"))
     modules = list(_modules())
     found = [Listed(module, *words) for module in modules for words in index.get(module, ())]
@@ -69,7 +69,7 @@ def load(of: Listed) -> type[Any]:
 
 
 def index() -> dict[str, list[tuple[str, ...]]]:
-    """Return what the index holds: the words of each module's questions, in the order of help."""
+    """Return the content of the index: the help entries of each module's questions, in the order of help."""
     _load()
     return {module: [tuple(each[1:]) for each in _loaded() if each.module == module] for module in _modules()}
 

@@ -1,4 +1,4 @@
-"""Writes index.json, from which `antinode --help` lists the questions."""
+"""Write index.json, from which `antinode --help` lists the questions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Analogy and control models of the thesis: circuit, pillar on a strip, active beam, patches that shape a beam's field."""
+"""Analogy and control models of the thesis: circuit, pillar on a strip, active beam, beams with patches."""
 
 from __future__ import annotations
 
@@ -24,46 +24,47 @@ if TYPE_CHECKING:
     from solvers.thesis.active_beam import Case as LoopedBeam
     from solvers.thesis.circuit import MasonStudy
 
-MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
-GAIN_N_M = (1e-3, 1e12)  # from a millionth of any strip's own stiffness to beyond that of solid blocks of metal
-COMPARED = "what the thesis says and what is computed here, a statement each"
-CURVES = "frequencies that the curves go over"
+# relative to the mode to confine; for the default the wavelength of 5/3 cells is then 2 mm, the thickness of the bar
+MASON_HIGHEST = 100
+GAIN_N_M = (1e-3, 1e12)  # from a millionth of any strip's stiffness to more than that of solid metal blocks
+COMPARED = "statements of the thesis next to the values computed here"
+CURVES = "frequencies of the curves"
 
 
 class Compared(Part):
-    """A statement of the thesis next to what is computed here, and how the two agree."""
+    """A statement of the thesis, the value computed here, and their agreement."""
 
-    quantity: str = column("what it is about")
-    thesis: str = column("what the thesis says")
-    ours: str = column("what is computed")
-    agreement: str = column("whether they agree, and why not")
+    quantity: str = column("quantity")
+    thesis: str = column("value in the thesis")
+    ours: str = column("computed value")
+    agreement: str = column("agreement, or the reason for the difference")
 
 
 def compared(model: str, computed: Iterable[Any]) -> list[Compared]:
-    """Return the thesis' statements on a model next to its figures."""
+    """Return the thesis' statements on a model with the computed values."""
     from pipeline.active.thesis import beside
 
     return [Compared(**entry) for entry in beside(model, computed)]
 
 
 class Modelled(Result, axes=()):
-    """The answer of a model, with the study that its pictures are drawn from."""
+    """Result of a model, with the study from which its pictures are drawn."""
 
     study: Any = live()
 
     def compared(self) -> Iterator[str]:
-        """Yield a block a statement: the thesis' value, ours, and how they agree."""
+        """Yield one block per statement: the thesis' value, ours, and their agreement."""
         for one in self.comparison:  # type: ignore[attr-defined]
             yield f"{one.quantity}\n  thesis: {one.thesis}\n  ours:   {one.ours}\n  {one.agreement}"
 
     def as_figure(self) -> Any:
-        """Return the first of the pictures; of an answer that was read from a file what `plot` draws."""
+        """Return the first picture, or what `plot` draws for a result read from a file."""
         return self.pictures()[0].figure if self.study else super().as_figure()
 
 
 @contextmanager
 def asked(model: str) -> Iterator[None]:
-    """Turn a SolverError into an InputError: these models have no meshes, what stops them is what was asked."""
+    """Turn a SolverError into an InputError: these models have no meshes, so only their input can make them fail."""
     from solvers.errors import SolverError
 
     try:
@@ -76,7 +77,7 @@ def quality_option(of: str) -> Any:
     """Declare the option --quality-factor."""
     return option(
         default=None, at_least=QUALITY[0], at_most=QUALITY[1], or_infinite=True, metavar="Q",
-        help=f"quality factor of {of}, inf for no losses",
+        help=f"quality factor of {of} (inf: no losses)",
     )  # fmt: skip
 
 
@@ -84,29 +85,33 @@ def quality_option(of: str) -> Any:
 
 
 class MasonResult(Modelled, table="comparison", axes=("quantity",)):
-    """Five cells of a bar with and without a filter that confines a mode in the middle ones, as a circuit."""
+    """Five cells of a bar as a circuit, with and without a filter that confines a mode in the middle ones."""
 
-    target_hz: float = column("the mode to confine; the middle one of three cells between fixed ends", "Hz")
+    target_hz: float = column("mode to confine: the middle mode of three cells between fixed ends", "Hz")
     quality_factor: float | None = column("quality factor of cells and filter; None without losses")
-    cell: dict[str, Any] = column("one cell of the bar: length_m, area_m2 of its section, material")
+    cell: dict[str, Any] = column("one cell of the bar: length_m, cross-section area_m2, material")
     filter: dict[str, float | None] = column(
         "the filter at two joints as a mechanical circuit: inductance_kg, capacitance_m_n in m/N, resistance_n_s_m (None "
-        "without losses), and rejected_hz, the frequency that it lets nothing of through"
+        "without losses), and rejected_hz, the frequency that it blocks completely"
     )
     modes_hz: dict[str, list[float]] = column(
-        "frequencies without losses in the band of three cells between fixed ends (clamped), of five free ones without "
+        "lossless frequencies in the band: three cells between fixed ends (clamped), five free cells without the "
         "filter (bare) and with it (filtered)"
     )
     confinement_db: dict[str, float] = column(
-        "rms velocity of the two inner joints over that of the outer ones at target_hz: bare and filtered", "dB"
+        "rms velocity of the two inner joints divided by that of the outer joints at target_hz: bare and filtered", "dB"
     )
     frequencies_hz: list[float] = column(CURVES, "Hz", along="frequency")
     clamped_abs: list[list[float]] = column(
-        "velocity of each joint of the three cells for 1 N in the middle one", "m/s", along=("frequency", "joint")
+        "velocity of each joint of the three cells for 1 N on the middle cell", "m/s", along=("frequency", "joint")
     )
-    bare_abs: list[list[float]] = column("that of the five cells without filter", "m/s", along=("frequency", "joint"))
-    filtered_abs: list[list[float]] = column("that with it", "m/s", along=("frequency", "joint"))
-    filter_impedance_abs: list[float] = column("size of the filter's impedance, N s/m", along="frequency")
+    bare_abs: list[list[float]] = column(
+        "velocity of each joint of the five cells without the filter", "m/s", along=("frequency", "joint")
+    )
+    filtered_abs: list[list[float]] = column(
+        "velocity of each joint of the five cells with the filter", "m/s", along=("frequency", "joint")
+    )
+    filter_impedance_abs: list[float] = column("magnitude of the filter's impedance, N s/m", along="frequency")
     comparison: list[Compared] = column(COMPARED)
 
     def lines(self) -> Iterator[str]:
@@ -116,7 +121,7 @@ class MasonResult(Modelled, table="comparison", axes=("quantity",)):
         cell, one = self.cell, self.filter
         yield (
             f"five cells of {cell['material']}, each {figure(cell['length_m'] / MM)} mm long, section "
-            f"{cell['area_m2'] / MM**2:g} mm2, quality factor {self.quality_factor or inf:g}; 1 N in the middle one"
+            f"{cell['area_m2'] / MM**2:g} mm2, quality factor {self.quality_factor or inf:g}; 1 N on the middle cell"
         )
         yield (
             f"filter: L = {figure(one['inductance_kg'])} kg, C = {figure(one['capacitance_m_n'])} m/N, "
@@ -127,9 +132,9 @@ class MasonResult(Modelled, table="comparison", axes=("quantity",)):
         yield from self.compared()
 
     def draw(self, ax: Axes) -> None:
-        """Draw the velocity of the middle joint with the filter and without."""
+        """Draw the velocity of the middle joint with and without the filter."""
         khz = [each / KHZ for each in self.frequencies_hz]
-        for name, curves in (("without filter", self.bare_abs), ("with it", self.filtered_abs)):
+        for name, curves in (("without filter", self.bare_abs), ("with filter", self.filtered_abs)):
             ax.semilogy(khz, [joints[2] for joints in curves], label=name)
         ax.legend()
         ax.set(xlabel="frequency (kHz)", ylabel="velocity (m/s per N)")
@@ -144,9 +149,9 @@ class MasonResult(Modelled, table="comparison", axes=("quantity",)):
 class ActiveMason(
     Question[MasonResult], family="active", without_case="", is_quick=True, example="active mason --frequency 20kHz"
 ):
-    """Confine a mode of a bar by a filter, as Mason's circuit.
+    """Confine a mode of a bar with a filter, modelled as Mason's circuit.
 
-    A case gives material and losses.
+    A case supplies material and losses.
 
     >>> import antinode
     >>> round(antinode.load("examples/small.toml").active_mason().filter["rejected_hz"])  # Hz
@@ -155,10 +160,10 @@ class ActiveMason(
 
     frequency_kHz: float | None = option(default=None, unit="kHz", at_least=0.0, help="the mode to confine")
     quality_factor: float | None = quality_option("cells and filter")
-    band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, help="frequencies to show")
+    band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, help="frequencies of the curves")
 
     def compute(self, case: Case | None, plan: Plan, run: Run) -> MasonResult:
-        """Solve the circuit over its own window, and over the band to show."""
+        """Solve the circuit over its own window and over the requested band."""
         import numpy as np
 
         from pipeline.active import thesis
@@ -193,7 +198,7 @@ class ActiveMason(
         band = hz(self.band_kHz)
         if band and band[1] > MASON_HIGHEST * target_hz:
             highest = f"{MASON_HIGHEST * target_hz / KHZ:g} kHz or below, {MASON_HIGHEST} times the mode to confine"
-            reason = "the waves beyond are shorter than the bar is thick"
+            reason = "above it waves are shorter than the bar is thick"
             raise InputError(f"--band = {_shown(band)}: must end at {highest}: {reason}")
         return band
 
@@ -203,49 +208,50 @@ def _shown(band: Pair) -> str:
 
 
 def _refuse_empty(band: Pair, study: MasonStudy, whole: MasonStudy) -> None:
-    """Raise InputError that names where the modes are, when none of the three lines has one in the band."""
+    """Raise InputError naming the modes' frequencies if none of the three bars has a mode in the band."""
     from pipeline.quantity import interval
 
     if not any(len(modes) for modes in study.modes_hz.values()):
         every = [float(mode) for modes in whole.modes_hz.values() for mode in modes]
         listed = f"from {interval(min(every), max(every))}, {len(every)} of them"
-        raise InputError(f"--band = {_shown(band)}: holds no mode of the three bars; they have modes {listed}")
+        raise InputError(f"--band = {_shown(band)}: contains no mode of the three bars; their modes lie {listed}")
 
 
 # -- pillar ------------------------------------------------------------------------------------------------------------
 
 
 class PillarModelResult(Modelled, table="comparison", axes=("quantity",)):
-    """One pillar and rows of pillars on a strip of plate: what passes of a flexural wave."""
+    """One pillar and rows of pillars on a strip of plate: transmission of a flexural wave."""
 
     clamped_hz: float = column("first bending frequency of the pillar on a rigid foot (Timoshenko)", "Hz")
-    stopped_hz: float = column("where one pillar's moment lets nothing of a flexural wave through", "Hz")
+    stopped_hz: float = column("frequency at which the moment of one pillar blocks a flexural wave completely", "Hz")
     oscillator_stopped_hz: float = column(
-        "the same for a vertical oscillator of the pillar's mass and clamped frequency", "Hz"
+        "the same for a vertical oscillator with the pillar's mass and clamped frequency", "Hz"
     )
     band_hz: list[float] | None = column(
-        "the widest stretch in which one row lets at most half the power through; None without one", "Hz"
+        "widest band in which one row transmits at most half the power; None without one", "Hz"
     )
-    bands_hz: list[list[float] | None] = column("that of 1, 2, ... rows, one each", "Hz")
+    bands_hz: list[list[float] | None] = column("that band for 1, 2, ... rows", "Hz")
     stop_hz: list[float] | None = column(
-        "the widest stretch in which endless rows let no wave through without losses; None without one", "Hz"
+        "widest band in which an infinite array without losses transmits no wave; None without one", "Hz"
     )
     frequencies_hz: list[float] = column(CURVES, "Hz", along="frequency")
     transmitted: list[list[float]] = column(
-        "share of the power that passes 1, 2, ... rows", along=("rows", "frequency")
+        "fraction of the power that 1, 2, ... rows transmit", along=("rows", "frequency")
     )
     reflected: list[list[float]] = column(
-        "share that comes back; the rest is lost in the pillars", along=("rows", "frequency")
+        "fraction of the power that is reflected; the rest is dissipated in the pillars", along=("rows", "frequency")
     )
-    decay_db: list[float | None] = column("decay per row of endless rows", "dB", along="frequency")
+    decay_db: list[float | None] = column("attenuation per row of an infinite array", "dB", along="frequency")
     point_force: dict[str, Any] = column(
-        "what stands at one point of a beam in the way of a flexural wave: cases by name (spring, pin, damper, moment, "
-        "printed force), each with the shares transmitted, reflected and absorbed and the amplitude (abs, of the incoming "
+        "a point obstacle on a beam in the path of a flexural wave: cases by name (spring, pin, damper, moment, "
+        "printed force), each with the fractions transmitted, reflected and absorbed and the amplitude (abs, of the "
+        "incident "
         "wave's) at x_over_wavelength"
     )
     cell: dict[str, Any] | None = column(
-        "with --cell the computed cell: model, frequencies_hz, db_per_row (None where no flexural wave could be kept) and "
-        "db_error, the half-width of its error bar (None without an estimate)"
+        "with --cell, the computed cell: model, frequencies_hz, db_per_row (None where no flexural wave was found) and "
+        "db_error, its error bar (half-width; None without an estimate)"
     )
     comparison: list[Compared] = column(COMPARED)
 
@@ -254,15 +260,15 @@ class PillarModelResult(Modelled, table="comparison", axes=("quantity",)):
         yield from self.compared()
 
     def draw(self, ax: Axes) -> None:
-        """Draw the share of the power that passes each number of rows."""
+        """Draw the transmitted fraction of the power for each number of rows."""
         khz = [each / KHZ for each in self.frequencies_hz]
         for rows, passed in enumerate(self.transmitted, start=1):
             ax.plot(khz, passed, label=f"{rows} row{'s' * (rows > 1)}")
         ax.legend()
-        ax.set(xlabel="frequency (kHz)", ylabel="share of power that passes")
+        ax.set(xlabel="frequency (kHz)", ylabel="transmitted fraction of power")
 
     def pictures(self) -> list[ReportFigure]:
-        """Return the point in the wave's way, and the rows."""
+        """Return the pictures of the point obstacle and of the rows."""
         from pipeline.active import plots
 
         row, point = self.study
@@ -277,9 +283,9 @@ class ActivePillar(
     is_quick=True,
     example="active pillar --cell",
 ):
-    """Stop flexural waves by pillars on a strip of the case's plate.
+    """Stop flexural waves with pillars on a strip of the case's plate.
 
-    Without a case it is about studies/three-rows.toml.
+    Without a case, it uses studies/three-rows.toml.
 
     >>> import antinode
     >>> len(antinode.load("examples/small.toml").active_pillar(band_kHz=(25.0, 45.0)).transmitted)
@@ -295,10 +301,10 @@ class ActivePillar(
         case.require(*self.needs, command="active pillar")
         case.require_one_kind(
             "active pillar is"
-        )  # rows half a pitch further along x meet the same wave at normal incidence
+        )  # rows shifted by half a pitch along x see the same wave at normal incidence
 
     def compute(self, case: Case, plan: Plan, run: Run) -> PillarModelResult:
-        """Scatter the wave at 1, 2, ... rows."""
+        """Compute the scattering by 1, 2, ... rows."""
         import numpy as np
 
         from pipeline.active import thesis
@@ -319,7 +325,7 @@ class ActivePillar(
 
 
 def _computed_cell(case: Case, run: Run, band_hz: Pair) -> dict[str, Any]:
-    """Return the decay per row of the least attenuated flexural wave of the computed plate cell at normal incidence."""
+    """Return the attenuation per row of the least attenuated flexural wave of the plate cell at normal incidence."""
     from pipeline.questions.attenuation import Attenuation
     from pipeline.questions.question import ask
 
@@ -334,56 +340,60 @@ def _computed_cell(case: Case, run: Run, band_hz: Pair) -> dict[str, Any]:
 
 
 class LoopCase(Part):
-    """A layout of loops at a frequency and a gain: amplitudes between the loops (inside) and beyond (outside), and forces."""
+    """Layout of loops at a frequency and a gain: forces, amplitudes between (inside) and beyond (outside) them."""
 
     layout: str = column("point, pair, couple or opposed")
     frequency_hz: float = column("frequency of the force", "Hz")
     gain_n_m: float = column("gain K' of the loops", "N/m")
     strength: float = column("K'/(4 EI beta^3)")
-    before_inside_max_m: float = column("largest amplitude between the loops, without them", "m", table=False)
-    before_inside_rms_m: float = column("rms amplitude between the loops, without them", "m", table=False)
-    before_outside_max_m: float = column("largest amplitude beyond the loops, without them", "m", table=False)
-    before_outside_rms_m: float = column("rms amplitude beyond the loops, without them", "m", table=False)
-    after_inside_max_m: float = column("largest amplitude between the loops, with them", "m", table=False)
-    after_inside_rms_m: float = column("rms amplitude between the loops, with them", "m", table=False)
-    after_outside_max_m: float = column("largest amplitude beyond the loops, with them", "m", table=False)
-    after_outside_rms_m: float = column("rms amplitude beyond the loops, with them", "m", table=False)
-    ratio_before: float = column("rms inside over rms outside, without loops")
-    ratio_after: float = column("rms inside over rms outside, with them")
-    outside_reduced_by: float = column("rms beyond without loops over that with them", table=False)
-    largest_force_n: float = column("largest force of a point in the steady state", "N")
-    switch_on_force_n: float = column("largest force when the loops are closed", "N", table=False)
+    before_inside_max_m: float = column("largest amplitude inside, without loops", "m", table=False)
+    before_inside_rms_m: float = column("rms amplitude inside, without loops", "m", table=False)
+    before_outside_max_m: float = column("largest amplitude outside, without loops", "m", table=False)
+    before_outside_rms_m: float = column("rms amplitude outside, without loops", "m", table=False)
+    after_inside_max_m: float = column("largest amplitude inside, with loops", "m", table=False)
+    after_inside_rms_m: float = column("rms amplitude inside, with loops", "m", table=False)
+    after_outside_max_m: float = column("largest amplitude outside, with loops", "m", table=False)
+    after_outside_rms_m: float = column("rms amplitude outside, with loops", "m", table=False)
+    ratio_before: float = column("ratio of rms inside to rms outside, without loops")
+    ratio_after: float = column("ratio of rms inside to rms outside, with loops")
+    outside_reduced_by: float = column("ratio of rms beyond the loops without them to that with them", table=False)
+    largest_force_n: float = column("largest point force in the steady state", "N")
+    switch_on_force_n: float = column("largest force while the loops are being closed", "N", table=False)
 
 
 class BeamResult(Modelled, table="cases", axes=("layout",)):
-    """A strip driven in its middle with velocity feedback on both sides: amplitudes, forces, stability."""
+    """A strip driven at its centre with velocity feedback on both sides: amplitudes, forces, stability."""
 
     beam: dict[str, Any] = column(
-        "the strip, both ends free, driven in its middle: length_m, width_m, thickness_m, material, quality_factor (None "
-        "without losses), bending_n_m2 (bending stiffness), mass_kg_m, force_n; left_m, middle of the loops on the left, the "
-        "right ones mirrored; apart_m between two points of a pair; natural_hz, its first frequencies"
+        "the strip, with free ends and driven at its centre: length_m, width_m, thickness_m, material, quality_factor "
+        "(None "
+        "without losses), bending_n_m2 (bending stiffness), mass_kg_m, force_n; left_m, centre of the left loops, the "
+        "right ones mirrored; apart_m between the two points of a pair; natural_hz, its lowest natural frequencies"
     )
     frequencies_hz: list[float] = column("frequencies of the force", "Hz", table=False)
     point_stiffness_n_m: list[float] = column(
-        "stiffness of the endless beam at a point, one a frequency: what a gain is large or small against", "N/m"
+        "point stiffness of the infinite beam at each frequency, the scale for a gain", "N/m"
     )
     thin_beam_limit_hz: float = column(
-        "where the wavenumber times the thickness is 1: beyond it the beam's theory does not hold", "Hz", table=False
+        "frequency at which wavenumber times thickness is 1, the limit of beam theory", "Hz", table=False
     )
     gains_n_m: list[float] = column("gains K' of the loops", "N/m")
-    delays_s: list[float] = column("delays of the loops that stability is looked at for", "s")
-    cases: list[LoopCase] = column("each layout at each frequency and gain")
+    delays_s: list[float] = column("delays of the loops for the stability analysis", "s")
+    cases: list[LoopCase] = column("every layout at every frequency and gain")
     stability: list[dict[str, Any]] = column(
-        "each layout: dual, whether a loop senses what its forces do work on; growth_per_s of the slowest pole at each gain, "
-        "above 0 unstable; unstable_from_n_m, the gain from which a pole grows (None: none found); delay_margin_s at each "
-        "gain (None where the loop is unstable without delay); gain_limits_n_m at each delay and, as the last, for "
-        "demodulation over one period, and gain_limits_hz that sets each (None: none found)"
+        "for each layout: dual, whether sensing and actuation are dual; growth_per_s of the slowest pole at each gain, "
+        "unstable above 0; unstable_from_n_m, the gain from which a pole grows (None: none found); delay_margin_s at "
+        "each "
+        "gain (None where the loop is unstable without delay); gain_limits_n_m at each delay and, last, for "
+        "demodulation over one period, and gain_limits_hz, the frequency that sets each (None: none found)"
     )
     gain_sweep: dict[str, list[float]] = column(
-        "rms inside over rms outside of each layout (point, pair, couple, opposed) over gains_n_m at the first frequency"
+        "ratio of rms inside to rms outside of each layout (point, pair, couple, opposed) over gains_n_m, first "
+        "frequency"
     )
     place_sweep: dict[str, list[float]] = column(
-        "the same over the place of the loops, places_m, with the last gain: one list a layout and frequency, such as "
+        "the same ratio over the position of the loops, places_m, at the last gain: one list per layout and frequency, "
+        "such as "
         "`pair at 3000 Hz`"
     )
     comparison: list[Compared] = column(COMPARED)
@@ -395,14 +405,15 @@ class BeamResult(Modelled, table="cases", axes=("layout",)):
         beam = self.beam
         size = f"{beam['length_m'] / MM:g} x {beam['width_m'] / MM:g} x {beam['thickness_m'] / MM:g} mm"
         yield (
-            f"free-free {beam['material']} strip {size}, 1 N in the middle, loops {figure(beam['left_m'] / MM)} mm from both "
-            "ends; strength = K'/(4 EI beta^3), ratio = rms between the loops over rms beyond"
+            f"free-free {beam['material']} strip {size}, 1 N at its centre, loops {figure(beam['left_m'] / MM)} mm "
+            "from both "
+            "ends; strength = K'/(4 EI beta^3), ratio = rms inside / rms outside"
         )
         yield self.reading()
         yield from self.compared()
 
     def draw(self, ax: Axes) -> None:
-        """Draw rms inside over rms outside of each layout over the gain."""
+        """Draw the ratio of rms inside to rms outside of each layout over the gain."""
         for layout, ratio in self.gain_sweep.items():
             if layout != "gains_n_m":
                 ax.loglog(self.gain_sweep["gains_n_m"], ratio, label=layout)
@@ -410,7 +421,7 @@ class BeamResult(Modelled, table="cases", axes=("layout",)):
         ax.set(xlabel="gain K' (N/m)", ylabel="rms inside / outside")
 
     def pictures(self) -> list[ReportFigure]:
-        """Return the shapes, and what gain and place change."""
+        """Return the pictures of the shapes and of the effects of gain and position."""
         from pipeline.active import plots
 
         return plots.beam(self.study)
@@ -419,9 +430,9 @@ class BeamResult(Modelled, table="cases", axes=("layout",)):
 class ActiveBeam(
     Question[BeamResult], family="active", without_case="", is_quick=True, example="active beam --gain 1e7 --gain 1e8"
 ):
-    """Confine a strip's motion by velocity feedback on both sides of it.
+    """Confine the motion of a strip by velocity feedback on both sides of its centre.
 
-    A case gives material and losses.
+    A case supplies material and losses.
 
     >>> import antinode
     >>> loops = antinode.load("examples/small.toml").active_beam(frequency_kHz=(3.0,), gain_N_per_m=(1e7,))
@@ -467,11 +478,12 @@ def _loop_case(case: LoopedBeam) -> LoopCase:
 
 
 class ShapingResult(Modelled, table="comparison", axes=("quantity",)):
-    """Patches on beams that shape the field: regions that move alone, and travelling waves."""
+    """Patches that shape the field of a beam: separately moving regions and travelling waves."""
 
-    assumptions: list[str] = column("what the thesis leaves open and is assumed here, a sentence each")
+    assumptions: list[str] = column("assumptions where the thesis leaves something open, one sentence each")
     errors_assumed: dict[str, Any] = column(
-        "errors of measured matrices: noise, gain, phase_rad and crosstalk, relative but for the phase; trials drawn from seed"
+        "errors of measured matrices: noise, gain, phase_rad and crosstalk, relative except for the phase; trials "
+        "drawn from seed"
     )
     limit_v: float = column("largest voltage of a patch", "V")
     beams: list[dict[str, Any]] = column(
@@ -480,32 +492,37 @@ class ShapingResult(Modelled, table="comparison", axes=("quantity",)):
         "(None without any): on mode_hz, m_per_v as abs and phase_rad, common_phase_rad"
     )
     conditioning: list[dict[str, Any]] = column(
-        "how well patches and sensors are told apart, of each beam and signal (calibrated sensors, or displacement) over "
+        "separability of patches and sensors for each beam and signal (calibrated sensors, or displacement) over "
         "frequencies_hz: condition, the matrix' condition number; coupling, 0 for orthogonal rows to 1; independence, "
         "1 - coupling; best_hz, the best frequencies"
     )
     choices: list[dict[str, Any]] = column(
-        "what distance of patches and quality factor would change: pitch_m, quality_factor, peak_twr and peak_wavelength_m of "
+        "effect of patch pitch and quality factor: pitch_m, quality_factor, peak_twr and peak_wavelength_m of "
         "the best wave; condition and independence by calibrated sensors and by displacement"
     )
     confinement: list[dict[str, Any]] = column(
         "each beam, signal, frequency_hz, region (left, middle, right) and target (in phase, alternating): peak_ratio of the "
-        "field inside over that outside, contrast_db, volts_per_um, the largest voltage for 1 um; beyond_to_inside, largest "
-        "voltage outside the region over that inside; with limit_v kept limited_error and limited_peak_ratio; of any voltages "
+        "field inside to that outside, contrast_db, volts_per_um, the largest voltage for 1 um; beyond_to_inside, "
+        "largest "
+        "voltage outside the region divided by that inside; within limit_v limited_error and limited_peak_ratio; for "
+        "any voltages "
         "best_peak_ratio and best_contrast_db"
     )
     travelling: list[dict[str, Any]] = column(
-        "waves asked of each beam, signal and frequency_hz: window_m where they are looked at, free_wavelength_m of the beam "
+        "requested waves of each beam, signal and frequency_hz: window_m where they are evaluated, free_wavelength_m "
+        "of the beam "
         "itself; over wavelengths_m twr (1 travels, 0 stands), swr (1 - twr), fitted_twr (near fields left out); peak: the "
-        "best of them with wavelength_m, twr, forward_energy_share, net_flux_over_forward; free: any voltages, with twr, "
+        "best of them with wavelength_m, twr, forward_energy_share, net_flux_over_forward; free: with any voltages, "
+        "twr, "
         "fitted_twr, near_field_share and voltages_relative as abs and phase_rad"
     )
     errors: list[dict[str, Any]] = column(
-        "what the assumed errors make of each beam and signal: q05, median and q95 of peak_ratio, twr and pattern_error"
+        "effect of the assumed errors on each beam and signal: q05, median and q95 of peak_ratio, twr and pattern_error"
     )
     filter: dict[str, Any] = column(
-        "the low-pass between bridge and patch: inductance_h, resistance_ohm, capacitance_f, corner_hz; pwm_ripple, what it "
-        "lets through of the carrier; compensation at each frequency_hz as abs and phase_rad; "
+        "the low-pass between bridge and patch: inductance_h, resistance_ohm, capacitance_f, corner_hz; pwm_ripple, "
+        "the transmitted "
+        "fraction of the carrier; compensation at each frequency_hz as abs and phase_rad; "
         "compensation_error_of_moving_patches, relative"
     )
     mode_pairs: list[dict[str, Any]] = column(
@@ -519,12 +536,12 @@ class ShapingResult(Modelled, table="comparison", axes=("quantity",)):
     comparison: list[Compared] = column(COMPARED)
 
     def lines(self) -> Iterator[str]:
-        """Yield what is assumed, and the comparison."""
+        """Yield the assumptions and the comparison."""
         yield from (f"assumed: {text}" for text in self.assumptions)
         yield from self.compared()
 
     def draw(self, ax: Axes) -> None:
-        """Draw how independent the patches are over frequency, of each beam and signal."""
+        """Draw the independence of the patches over frequency for each beam and signal."""
         for one in self.conditioning:
             khz = [each / KHZ for each in one["frequencies_hz"]]
             ax.plot(khz, one["independence"], label=f"{one['beam']}, {one['signal']}")
@@ -532,7 +549,7 @@ class ShapingResult(Modelled, table="comparison", axes=("quantity",)):
         ax.set(xlabel="frequency (kHz)", ylabel="independence")
 
     def pictures(self) -> list[ReportFigure]:
-        """Return conditioning, patterns and travelling waves."""
+        """Return the pictures of conditioning, patterns and travelling waves."""
         from pipeline.active import plots
 
         return plots.shaping_figures(self.study)
@@ -541,9 +558,9 @@ class ShapingResult(Modelled, table="comparison", axes=("quantity",)):
 class ActiveShaping(
     Question[ShapingResult], family="active", without_case="", is_quick=True, example="active shaping --out shaping"
 ):
-    """Shape the field of beams by their patches: regions that move alone, travelling waves, errors, limits.
+    """Shape the field of beams with patches: separately moving regions, travelling waves, errors, limits.
 
-    It has its own beams, stated in its document.
+    It uses its own beams, listed in its JSON document.
 
     >>> import antinode
     >>> antinode.load("examples/small.toml").active_shaping(frequency_kHz=(30.0,)).limit_v > 0.0
@@ -560,7 +577,7 @@ class ActiveShaping(
         from solvers.thesis.shaping_study import ShapingData, document, shaping_study
 
         if case is not None:
-            run.info("the case is not used: shaping has its own beams, stated in its document")
+            run.info("the case is not used: shaping has its own beams, listed in its JSON document")
         own = tuple(KHZ * each for each in self.frequency_kHz)
         with asked("shaping"):
             study = shaping_study(ShapingData(frequencies_hz=own) if own else ShapingData())

@@ -1,4 +1,4 @@
-"""The loop that holds a mode's amplitude in the rotating frame: design, margins, steps, and a measured sweep identified."""
+"""Control loop for a mode's amplitude in the rotating frame: design, margins, steps, identification from a sweep."""
 
 from __future__ import annotations
 
@@ -18,45 +18,52 @@ if TYPE_CHECKING:
 
 
 class DqResult(Modelled, table="comparison", axes=("quantity",)):
-    """The loop of one mode on demodulated amplitudes: design, feasibility, margins, identified mode and simulated steps."""
+    """Control loop of one mode on demodulated amplitudes: design, feasibility, margins, identification and steps."""
 
     plant: dict[str, Any] = column(
-        "the mode that is controlled: frequency_hz, quality_factor, tau_s (time constant), gain (sensor over drive, full "
+        "the controlled mode: frequency_hz, quality_factor, tau_s (time constant), gain (sensor / drive, full "
         "scales), sensor (displacement or velocity), delay_s"
     )
-    neighbours: list[dict[str, float]] = column("other modes that the drive reaches: frequency_hz and gain")
+    neighbours: list[dict[str, float]] = column("other modes that the drive excites: frequency_hz and gain")
     design: dict[str, Any] = column(
-        "the PI controller on demodulated amplitudes: within_s, the time asked for; latency_s of the loop; response_s, its "
-        "time constant; proportional and integral_per_s in continuous time; sampled: those of the image, proportional and "
-        "integral every period_s, planned_s to meet within_s, largest_share of the drive that noise and neighbours leave, "
+        "the PI controller on demodulated amplitudes: within_s, the required time; latency_s of the loop; response_s, "
+        "its "
+        "time constant; proportional and integral_per_s in continuous time; sampled: the firmware's values, "
+        "proportional and "
+        "integral every period_s, planned_s to meet within_s, largest_share of the drive after noise and neighbours, "
         "bounded_by_neighbours"
     )
     feasibility: list[dict[str, Any]] = column(
-        "what an amplitude asks of the drive, by share of the largest: reference, steady_drive, peak_drive while rising, "
-        "feasible (the drive never meets its limit), largest_reference that keeps the response, least_time_s to 95 % at full "
-        "drive (None beyond what can be held)"
+        "drive needed for an amplitude, as fractions of the largest drive: reference, steady_drive, peak_drive while "
+        "rising, "
+        "feasible (the drive never reaches its limit), largest_reference that keeps the response, least_time_s to 95 % "
+        "at full "
+        "drive (None beyond the largest sustainable amplitude)"
     )
     margins: dict[str, Any] = column(
-        "of the sampled loop: gain, phase_deg of the carrier, sensitivity (its largest), stable, poles (real and imaginary)"
+        "margins of the sampled loop: gain, phase_deg of the carrier, sensitivity (its largest), stable, poles (real "
+        "and imaginary)"
     )
     identified: dict[str, Any] = column(
-        "what a simulated sweep of the mode gives: frequency_hz, tau_s, quality_factor, gain (real and imaginary), delay_s, "
+        "mode identified from a simulated sweep: frequency_hz, tau_s, quality_factor, gain (real and imaginary), "
+        "delay_s, "
         "background (real and imaginary), circle (centre, radius, misfit), and printed_tau_s by the thesis' formula"
     )
     measured: dict[str, Any] | None = column(
-        "from the file of --sweep, as of identified: frequency_hz, tau_s, quality_factor, gain, delay_s, background, circle "
+        "mode identified from the file of --sweep: frequency_hz, tau_s, quality_factor, gain, delay_s, background, "
+        "circle "
         "(centre, radius, misfit); None without one"
     )
     steps: list[dict[str, Any]] = column(
         "simulated steps, by name: detuning_hz of the mode, reference, reached_95_s and settled_5_s (None where never), "
-        "overshoot, limited_periods in which the drive met its limit"
+        "overshoot, limited_periods in which the drive was saturated"
     )
     anti_windup: list[dict[str, Any]] = column(
-        "steps beyond the drive, by name of what the integral does meanwhile: detuning_hz, reference, reached_95_s, "
-        "settled_5_s, overshoot and limited_periods as of steps"
+        "steps that saturate the drive, by name of the integrator's treatment: detuning_hz, reference, reached_95_s, "
+        "settled_5_s, overshoot and limited_periods as in steps"
     )
     table_entry: dict[str, Any] = column(
-        "the mode as a mode table takes it: frequency_hz, tau_s, gain (real and imaginary), delay_s, drive_limit, "
+        "the mode as stored in a mode table: frequency_hz, tau_s, gain (real and imaginary), delay_s, drive_limit, "
         "amplitude_limit"
     )
     comparison: list[Compared] = column(COMPARED)
@@ -95,7 +102,7 @@ class DqResult(Modelled, table="comparison", axes=("quantity",)):
         ax.set(xlabel="detuning (Hz)", ylabel="time to 95 % (ms)")
 
     def pictures(self) -> list[ReportFigure]:
-        """Return step, circle and open loop."""
+        """Return the pictures of step, circle and open loop."""
         from pipeline.active import plots
 
         return plots.loop_figures(self.study)
@@ -104,7 +111,7 @@ class DqResult(Modelled, table="comparison", axes=("quantity",)):
 class ActiveDq(Question[DqResult], family="active", without_case="", example="active dq --settling-time 2ms"):
     """Control a mode's amplitude in the rotating frame, or identify it from a measured sweep.
 
-    A case gives the mode by pre-design; --table gives the computed modes of a mode table.
+    A case supplies the mode by pre-design; --table supplies the computed modes of a mode table.
 
     >>> import antinode
     >>> antinode.load("examples/small.toml").active_dq(settling_time_s=2e-3).margins["stable"]
@@ -114,14 +121,14 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
     frequency_kHz: float | None = option(default=None, unit="kHz", at_least=0.0, help="frequency of the mode")
     quality_factor: float | None = quality_option("the mode")
     delay_s: float | None = option(default=None, unit="s", at_least=0.0, help="dead time of the loop")
-    settling_time_s: float | None = option(default=None, unit="s", at_least=0.0, help="95 % response asked for")
+    settling_time_s: float | None = option(default=None, unit="s", at_least=0.0, help="required 95 % settling time")
     table: str = option(default="", metavar="FILE", help="mode table with the mode and its neighbours")
     sweep: str = option(
-        default="", metavar="FILE", help="measured sweep (CSV: frequency_hz, re, im) that the mode is identified from"
+        default="", metavar="FILE", help="measured sweep from which to identify the mode (CSV: frequency_hz, re, im)"
     )
 
     def compute(self, case: Case | None, plan: Plan, run: Run) -> DqResult:
-        """Study the loop of the mode that sweep, table, case or option names."""
+        """Study the loop of the mode given by a sweep, a mode table, a case or an option."""
         from pipeline.active import loop, thesis
         from pipeline.measured.files import read_sweep
         from solvers.control.identification import identify
@@ -132,7 +139,9 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
             data, measured = self._data(case, table, run), None
             if self.sweep:
                 measured = identify(read_sweep(self.sweep).sweep, data.sensor, data.delay_guess_s)
-                late = max(measured.delay_s - 0.5 / data.rates.sample_rate_hz, 0.0)  # beyond the hold's half sample
+                late = max(
+                    measured.delay_s - 0.5 / data.rates.sample_rate_hz, 0.0
+                )  # in addition to the half sample of the hold
                 data = replace(data, target=loop.velocity_of(measured.plant, data.sensor), delay_s=late)
             study = dq_study(data)
         if table and measured:

@@ -1,4 +1,4 @@
-"""Decay per row across the zone's border: complex bands at a wavenumber along it, and what the case's rows let through."""
+"""Attenuation per row across the border of the zone: complex bands at a wavenumber along it, and transmission."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LOOKS = {"flexural": ("BLUE", "o"), "shear": ("ORANGE", "s"), "longitudinal": ("
 
 
 class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
-    """Decay per row across the zone's border over frequency: arrays (points,), in Hz and dB.
+    """Attenuation per row across the border of the zone over frequency: arrays (points,), in Hz and dB.
 
     >>> import antinode
     >>> waves = antinode.load("examples/small.toml", accuracy=0.1).attenuation((30.0, 34.0), points=3)
@@ -46,37 +46,38 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
 
     model: str = column("model of the unit cell and its element order")
     kx_per_m: float = column("wavenumber along the zone", "rad/m")
-    pitch_y_m: float = column("distance of rows", "m")
+    pitch_y_m: float = column("pitch of the rows", "m")
     rows: int = column("rows on each side of the zone")
     expected_error: float | None = column(
-        "widest error bar of the cell's bands by the mesh, relative; None without an estimate"
+        "largest discretisation error bar of the cell's bands, relative; None without an estimate"
     )
-    reduction_error: float | None = column("largest error of the cell's bands by the reduction, relative")
+    reduction_error: float | None = column("largest truncation error of the cell's bands, relative")
     points: list[AttenuationPoint] = column("the waves at each frequency")
     zone_hz: float | None = live()  # frequency of the target mode by thin-plate theory
 
     frequency_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
     db_per_row = stacked(
-        "db_per_row", "Decay per row (points,) in dB of the least attenuated flexural wave; NaN where there is none."
+        "db_per_row",
+        "Attenuation per row (points,) in dB of the least attenuated flexural wave; NaN where there is none.",
     )
 
     @property
     def decay(self) -> FloatArray:
-        """Frequency and decay per row of the least attenuated flexural wave, where there is one, (k, 2)."""
+        """Frequency and attenuation per row of the least attenuated flexural wave, where there is one, (k, 2)."""
         known = [(p.frequency_hz, p.db_per_row) for p in self.points if p.db_per_row is not None]
         return np.reshape(np.array(known, dtype=float), (-1, 2))
 
     def at(self, frequency_hz: float) -> float | None:
-        """Return the decay per row of the least attenuated flexural wave, interpolated; None outside the band."""
+        """Interpolate the attenuation per row of the least attenuated flexural wave; None outside the band."""
         known = self.decay
         if not len(known) or not known[0, 0] <= frequency_hz <= known[-1, 0]:
             return None
         return float(np.interp(frequency_hz, *known.T))
 
     def error_at(self, frequency_hz: float) -> float | None:
-        """Return the half-width of the bar of `at`, dB; None where it is unknown.
+        """Return the error bar of `at` (half-width, dB); None where it is unknown.
 
-        The larger of both neighbours' bars, and what the chord between them may miss, by the lines through the samples beyond.
+        It is the larger error bar of the two neighbours plus the interpolation error, bounded by the adjacent chords.
         """
         own = self.at(frequency_hz)
         if own is None:
@@ -97,57 +98,59 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
         return bar if isfinite(bar) else None
 
     def lines(self) -> Iterator[str]:
-        """Yield the model, some of the frequencies, and what the rows do where plate theory puts the target mode."""
+        """Yield the model, some frequencies, and the attenuation at the target frequency of plate theory."""
         yield (
-            f"{self.model}, kx = {figure(self.kx_per_m)} rad/m; decay of the least attenuated flexural wave, and shares of an "
-            f"incoming flexural wave's power after {self.rows} row{'s' * (self.rows != 1)}"
+            f"{self.model}, kx = {figure(self.kx_per_m)} rad/m; attenuation of the least attenuated flexural wave, and "
+            "fractions of an "
+            f"incident flexural wave's power after {self.rows} row{'s' * (self.rows != 1)}"
         )
         yield self.reading(("taken_error_db",), SHOWN)
         yield from self._at_the_zone()
 
     def _at_the_zone(self) -> Iterator[str]:
-        """Yield what the rows do at the zone's frequency by plate theory; nothing outside the band or without a zone."""
+        """Yield the attenuation at the zone's thin-plate frequency; nothing outside the band or without a zone."""
         answer = None if self.zone_hz is None else prediction(self, self.zone_hz)
         if answer is None or answer.db_per_row is None:
             return
-        where = f"at {frequency(answer.frequency_hz)}, where thin-plate theory puts the target mode"
+        where = f"at {frequency(answer.frequency_hz)}, the target mode by thin-plate theory"
         transmitted = ""
         if answer.transmission_db is not None:
             taken = level_with_bar(answer.transmission_db, answer.transmission_error_db)
-            transmitted = f"; the case's take {taken} from a flexural wave's power"
+            transmitted = f"; this case's rows reduce the power of a flexural wave by {taken}"
         if not answer.db_per_row:
-            yield f"{where}, a flexural wave passes endless rows undamped{transmitted}"
+            yield f"{where}: an infinite array transmits a flexural wave without attenuation{transmitted}"
             return
         every = with_bar(answer.rows_db, answer.rows_error_db, "dB")
         total = f"{every} in {self.rows}, {confinement.CONFINED_DB:g} dB in {answer.rows_needed}"
-        yield f"{where}: {with_bar(answer.db_per_row, answer.db_error, 'dB')} a row of endless rows, {total}{transmitted}"
+        per_row = with_bar(answer.db_per_row, answer.db_error, "dB")
+        yield f"{where}: infinite array, {per_row} per row ({total}){transmitted}"
 
     def draw(self, ax: Axes) -> None:
-        """Draw the decay per row of the least attenuated flexural wave over frequency."""
+        """Draw the attenuation per row of the least attenuated flexural wave over frequency."""
         self._draw_least(ax)
-        ax.set(xlabel="frequency (kHz)", ylabel="decay per row (dB)")
+        ax.set(xlabel="frequency (kHz)", ylabel="attenuation per row (dB)")
 
     def pictures(self) -> list[ReportFigure]:
         """Return the complex bands."""
         return [self.complex_bands()]
 
     def complex_bands(self, predicted_hz: float | None = None) -> ReportFigure:
-        """Draw three panels over frequency: decay per row, Re k_y, power through the rows; a frequency marked."""
+        """Draw three panels over frequency: attenuation per row, Re k_y, transmitted power; a frequency marked."""
         drawn, (decay, phase, power) = style.panels(6.2, 3, 1, sharex=True, height_ratios=[1.2, 1.0, 1.0])
         self._draw_waves(decay, phase)
         self._draw_least(decay)
         self._draw_power(power)
         title = f"Waves across the rows at kx = {figure(self.kx_per_m)} rad/m"
-        decay.set(ylim=(DEEPEST_DB, -0.5), ylabel="decay (dB per row)", title=title)
+        decay.set(ylim=(DEEPEST_DB, -0.5), ylabel="attenuation (dB per row)", title=title)
         phase.set(ylabel="|Re ky| p / π")
-        power.set(ylabel="share of power", xlabel="frequency (kHz)")
+        power.set(ylabel="fraction of power", xlabel="frequency (kHz)")
         for axes in (decay, phase, power):
             axes.grid(True)
             if predicted_hz:
                 axes.axvline(predicted_hz / KHZ, color=style.GREY, ls=":")
         handles = decay.get_legend_handles_labels()
         drawn.legend(*handles, loc="outside upper center", ncols=4, fontsize=7, markerscale=2.5)
-        title = "Attenuation per row and power through the rows"
+        title = "Attenuation per row and transmitted power"
         return style.ReportFigure("attenuation", title, self._alt(), drawn, vector=True)
 
     def _draw_waves(self, decay: Axes, phase: Axes) -> None:
@@ -170,12 +173,12 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
     def _draw_power(self, ax: Axes) -> None:
         passed = [(p.frequency_hz, p.transmission) for p in self.points if p.transmission]
         if not passed:
-            ax.text(0.5, 0.5, "no rows, or no flexural wave arrives", ha="center", transform=ax.transAxes)
+            ax.text(0.5, 0.5, "no rows, or no incident flexural wave", ha="center", transform=ax.transAxes)
             return
         khz = np.array([frequency for frequency, _ in passed]) / KHZ
         flexural, turned = np.array([(share.flexural, share.shear + share.longitudinal) for _, share in passed]).T
         ax.plot(khz, flexural, color=style.BLUE, label=f"through {self.rows} rows, flexural")
-        ax.plot(khz, turned, color=style.ORANGE, ls="--", label="turned into in-plane waves")
+        ax.plot(khz, turned, color=style.ORANGE, ls="--", label="converted into in-plane waves")
         ax.set_yscale("symlog", linthresh=1e-4)
         ax.set_ylim(0.0, 1.5)
         ax.legend(loc="lower right", fontsize=7)
@@ -184,8 +187,10 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
         deepest = max(self.points, key=lambda point: point.db_per_row or 0.0)
         most = level(deepest.db_per_row or 0.0, deepest.db_error)
         return (
-            "Decay per row of flexural, shear and longitudinal waves over frequency; the least attenuated flexural wave "
-            f"decays most, {most} per row, at {frequency(deepest.frequency_hz)}; below, the power that passes {self.rows} rows"
+            "Attenuation per row of flexural, shear and longitudinal waves over frequency; the least attenuated "
+            "flexural wave "
+            f"decays most, {most} per row, at {frequency(deepest.frequency_hz)}; below, the power transmitted by "
+            f"{self.rows} rows"
         )
 
     def __repr__(self) -> str:
@@ -193,7 +198,7 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
 
 
 def over(result: Result, frequency_hz: FloatArray) -> str:
-    """Return what a result over frequency is, in a few words."""
+    """Describe a result over frequency in a few words."""
     ends = f"{frequency_hz[0] / KHZ:g} to {frequency_hz[-1] / KHZ:g} kHz"
     return f"<antinode.{type(result).__name__.removesuffix('Result')}: {len(frequency_hz)} frequencies from {ends}>"
 
@@ -203,7 +208,7 @@ class Attenuation(
     needs=("plate", "array.pitch_mm", "pillar"),
     pictures=("report.gallery.attenuation",),
 ):
-    """Compute the decay per row in dB across the zone's border at a wavenumber along it.
+    """Compute the attenuation per row in dB across the border of the zone, at a wavenumber along it.
 
     >>> import antinode
     >>> antinode.load("examples/small.toml", accuracy=0.1).attenuation((30.0, 34.0), points=3).frequency_hz.tolist()
@@ -211,7 +216,7 @@ class Attenuation(
     """
 
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
-    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
+    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="number of frequencies")
     kx_per_m: float | None = option(
         default=None, unit="rad/m", at_least=-MAX_WAVENUMBER, at_most=MAX_WAVENUMBER, metavar="K",
         help="wavenumber along the zone (default: the target mode's)",
@@ -222,7 +227,7 @@ class Attenuation(
         from pipeline.planning.model_choice import SOLID
 
         super().check(case)
-        case.require_one_kind("decay per row is")
+        case.require_one_kind("attenuation per row is")
         if self.kx_per_m is None:
             case.require("zone", command="attenuation without --kx")
         if case.solve.model == SOLID:
@@ -237,7 +242,7 @@ class Attenuation(
 
     @classmethod
     def in_study(cls) -> Attenuation:
-        """Return the question at fewer frequencies."""
+        """Return the question with fewer frequencies."""
         return cls(points=STUDY_POINTS)
 
     @classmethod
@@ -271,31 +276,33 @@ class Attenuation(
 
 
 class PredictionResult(Result, axes=()):
-    """What endless rows would do at the target mode, compared with the finite plate's zone_to_extension_db."""
+    """Attenuation of an infinite array at the target mode, compared with the finite plate's zone_to_extension_db."""
 
     frequency_hz: float = column("frequency of the target mode", "Hz")
-    db_per_row: float | None = column("decay per row", "dB", error="db_error")
+    db_per_row: float | None = column("attenuation per row", "dB", error="db_error")
     db_error: float | None = bar("db_per_row", "dB")
-    rows_db: float | None = column("rows times the decay per row", "dB", error="rows_error_db")
+    rows_db: float | None = column("number of rows times the attenuation per row", "dB", error="rows_error_db")
     rows_error_db: float | None = bar("rows_db", "dB")
     transmission_db: float | None = column(
-        "the flexural wave's power that passes the rows, below what arrives", "dB", error="transmission_error_db"
+        "power of a flexural wave transmitted by the rows, relative to the incident power",
+        "dB",
+        error="transmission_error_db",
     )
     transmission_error_db: float | None = bar("transmission_db", "dB")
     zone_to_extension_db: float | None = column(
-        "the finite plate's rms on the zone over that beyond the rows", "dB", error="zone_to_extension_error_db"
+        "rms on the zone of the finite plate relative to that beyond the rows", "dB", error="zone_to_extension_error_db"
     )
     zone_to_extension_error_db: float | None = bar("zone_to_extension_db", "dB")
-    rows_needed: int | None = column("rows of this decay that make 10 dB, of an endless lattice")
+    rows_needed: int | None = column("rows that give 10 dB at this attenuation, in an infinite array")
 
-    decay = figure_at("db_per_row", "decay per row", "dB", name="db_per_row")
-    decay_error = figure_at("db_error", "expected error of the decay", "dB", name="db_error", error="db_error")
-    of_rows = figure_at("rows_db", "predicted by the rows", "dB", name="rows_db")
-    needed = figure_at("rows_needed", "rows needed, endless ones", name="rows_needed")
+    decay = figure_at("db_per_row", "attenuation per row", "dB", name="db_per_row")
+    decay_error = figure_at("db_error", "expected error of the attenuation", "dB", name="db_error", error="db_error")
+    of_rows = figure_at("rows_db", "predicted attenuation of all rows", "dB", name="rows_db")
+    needed = figure_at("rows_needed", "rows needed (infinite array)", name="rows_needed")
 
 
 class Prediction(Question[PredictionResult], follows="attenuation"):
-    """Predict the plate by the decay per row at its target mode."""
+    """Predict the plate's confinement from the attenuation per row at its target mode."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> PredictionResult:
         if not run.target:
@@ -308,7 +315,7 @@ def prediction(
     attenuation: AttenuationResult, frequency_hz: float, extension_db: float | None = None,
     extension_error_db: float | None = None,
 ) -> PredictionResult:  # fmt: skip
-    """Compare rows times decay per row at a frequency with the transmitted power and with the finite plate's level, dB."""
+    """Compare rows times attenuation per row with the transmitted power and the finite plate's level, dB."""
     from math import ceil
 
     per_row, error = attenuation.at(frequency_hz), attenuation.error_at(frequency_hz)

@@ -38,7 +38,7 @@ MARKS = {"flexural": ("BLUE", "o", 2.8), "shear": ("ORANGE", "s", 2.8), "longitu
 
 
 class Interval(Part):
-    """An interval without waves."""
+    """A frequency interval without waves."""
 
     lower_hz: float = column("frequency where the gap begins", "Hz", error="lower_error")
     upper_hz: float = column("frequency where the gap ends", "Hz", error="upper_error")
@@ -47,12 +47,12 @@ class Interval(Part):
 
     @property
     def relative_width(self) -> float:
-        """Its width over its middle."""
+        """Width divided by the centre frequency."""
         return 2.0 * (self.upper_hz - self.lower_hz) / (self.upper_hz + self.lower_hz)
 
     @property
     def width_error(self) -> float | None:
-        """Half-width of the bar of the relative width, to first order; None where an edge's is unknown."""
+        """Error bar of the relative width (half-width, first order); None without those of both edges."""
         if self.lower_error is None or self.upper_error is None:
             return None
         middle = (self.upper_hz + self.lower_hz) / 2.0
@@ -60,19 +60,19 @@ class Interval(Part):
 
     @property
     def interval(self) -> str:
-        """Its edges with the digits that their bars allow."""
+        """Edges with the digits that their error bars allow."""
         return quantity.interval(self.lower_hz, self.upper_hz, self.lower_error, self.upper_error)
 
 
 class Gap(Interval):
-    """An interval without waves between two bands."""
+    """A frequency interval without waves between two bands."""
 
     lower_band: int = column("band below, counted from 1")
     upper_band: int = column("band above")
 
     @property
     def text(self) -> str:
-        """Its bands, its edges with their bars and its relative width, in words."""
+        """Bands, edges with error bars, and relative width, in words."""
         low = quantity.frequency_with_bar(self.lower_hz, self.lower_error)
         high = quantity.frequency_with_bar(self.upper_hz, self.upper_error)
         bar = None if self.width_error is None else 100.0 * self.width_error
@@ -83,12 +83,12 @@ class Gap(Interval):
 class DirectionalGap(Gap):
     """A gap for wavevectors along one segment of the path."""
 
-    start: str = column("where the segment begins")
-    end: str = column("where the segment ends")
+    start: str = column("start of the segment")
+    end: str = column("end of the segment")
 
 
 class PolarisationGap(Interval):
-    """An interval without waves of one polarisation of the plate."""
+    """A frequency interval without waves of one polarisation."""
 
     polarisation: str = column("polarisation of the waves")
 
@@ -101,29 +101,31 @@ class ZoneGap(Gap):
 
 
 class BandPoint(Part):
-    """The waves at one wavevector, one entry a band. What only the reduced cell gives is None with another."""
+    """Waves at one wavevector, one entry per band; fields that only the reduced cell provides are None otherwise."""
 
     label: str | None = column("high-symmetry point, such as G, X or M, at a corner of the path, else None")
     kx_per_m: float = column("wavenumber along x", "rad/m")
     ky_per_m: float = column("wavenumber along y", "rad/m")
     frequencies_hz: list[float] = column(
-        "frequency, best value", "Hz", along="band", name="frequency_hz", error="error"
+        "frequency, best estimate", "Hz", along="band", name="frequency_hz", error="error"
     )
     computed_hz: list[float] = column(
-        "frequency of the finest mesh itself", "Hz", along="band", error="error", default_factory=list
+        "frequency on the finest mesh, uncorrected", "Hz", along="band", error="error", default_factory=list
     )
     error: list[float | None] = column(
-        "half-width of the frequency's error bar by mesh and truncation, relative; None without an estimate",
+        "relative error bar of the frequency (half-width, discretisation and truncation); None without an estimate",
         along="band", default_factory=list,
     )  # fmt: skip
     polarisation: list[str] | None = column(
         "flexural, shear, longitudinal, or pillar where the pillar moves most", along="band", default=None
     )
-    plate_polarisation: list[str] | None = column("how the wave moves the plate", along="band", default=None)
-    parity: list[str] | None = column(
-        "signs under the cell's mirrors that keep the wavevector", along="band", default=None
+    plate_polarisation: list[str] | None = column(
+        "fractions of the wave's motion by polarisation", along="band", default=None
     )
-    branch: list[int] | None = column("number of the branch that the wave belongs to", along="band", default=None)
+    parity: list[str] | None = column(
+        "signs under those mirrors of the cell that preserve the wavevector", along="band", default=None
+    )
+    branch: list[int] | None = column("number of the wave's branch", along="band", default=None)
     group_velocity_m_s: list[list[float] | None] | None = column(
         "group velocity; None for a wave at rest", "m/s", along="band",
         parts=("group_velocity_x_m_s", "group_velocity_y_m_s"), default=None,
@@ -131,7 +133,7 @@ class BandPoint(Part):
 
 
 def _bending(place: int, which: str) -> Figure[float | None]:
-    """Declare a figure with one of the pillars' two bending bands at M; None on a path without M."""
+    """Declare a figure for one of the pillars' two bending bands at M; None on a path without M."""
     about = figure(
         f"bending at M, {which}", "Hz", name=f"bending_m_{place + 1}_hz",
         error=lambda bands: next(iter(bands.bending_errors[place:]), None),
@@ -152,21 +154,22 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     dof: int = column("degrees of freedom at one wavevector")
     points: list[BandPoint] = column("the waves at each wavevector of the path")
     expected_error: float | None = column(
-        "widest error bar by the mesh alone, relative; None without an estimate", default=None
+        "largest discretisation error bar, relative; None without an estimate", default=None
     )
     widest_bar: dict[str, Any] | None = column(
-        "widest error bar of a frequency: error (relative), of (which frequency), parts (mesh, truncation) and largest_part",
+        "largest error bar of a frequency: error (relative), of (which frequency), parts (mesh, truncation), "
+        "largest_part",
         default=None,
     )
     gaps: list[Gap] = column("complete gaps along the path", default_factory=list)
     reduction_error: float | None = column(
-        "largest error by the reduction, relative; None for a cell that is not reduced", default=None
+        "largest truncation error, relative; None for a cell that is not reduced", default=None
     )
     directional_gaps: list[DirectionalGap] | None = column(
-        "gaps along one segment of the path; None where they were not looked for", default=None
+        "gaps along one segment of the path; None if not searched for", default=None
     )
     polarisation_gaps: list[PolarisationGap] | None = column(
-        "gaps for waves of one polarisation; None where they were not looked for", default=None
+        "gaps for waves of one polarisation; None if not searched for", default=None
     )
     zone_gaps: list[ZoneGap] | None = column(
         "with bands.grid: complete gaps over the whole Brillouin zone, None without", default=None
@@ -192,8 +195,8 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     # -- arrays
 
     frequencies_hz = stacked("frequencies_hz", "Frequencies (points, bands) in Hz.")
-    computed_hz = stacked("computed_hz", "Frequencies (points, bands) of the finest mesh itself, Hz.")
-    error = stacked("error", "Half-width of the error bars (points, bands), relative; NaN without an estimate.")
+    computed_hz = stacked("computed_hz", "Frequencies (points, bands) on the finest mesh, uncorrected, Hz.")
+    error = stacked("error", "Relative error bars (points, bands), half-widths; NaN without an estimate.")
 
     @property
     def wavevectors_per_m(self) -> FloatArray:
@@ -202,7 +205,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     @property
     def labels(self) -> tuple[str | None, ...]:
-        """High-symmetry points such as G, X and M, or None, one a point."""
+        """Label of each point, such as G, X or M; None between high-symmetry points."""
         return tuple(point.label for point in self.points)
 
     @property
@@ -216,40 +219,40 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     @property
     def widest_gap(self) -> Gap | None:
-        """The widest complete gap; None where there is none."""
+        """Widest complete gap; None if there is none."""
         return max(self.gaps, key=lambda gap: gap.upper_hz - gap.lower_hz, default=None)
 
     @property
     def known_to_hz(self) -> float:
-        """Frequency up to which a gap would have been found: where the last of the bands is lowest."""
+        """Frequency up to which gaps are detected: the minimum of the highest band."""
         return min(point.frequencies_hz[-1] for point in self.points)
 
     @property
     def where_gaps_are_known(self) -> str:
-        """Where a complete gap would have been found, in words."""
+        """Range in which complete gaps are detected, in words."""
         lowest = min(self.points, key=lambda point: point.frequencies_hz[-1])
         end = quantity.frequency(self.known_to_hz, next(iter(lowest.error[-1:]), None))
         return f"along the path up to {end}, where the lowest {len(lowest.frequencies_hz)} bands end"
 
     @property
     def labelled(self) -> dict[str, BandPoint]:
-        """Points by their label, the last one of each."""
+        """Points by label, the last one of each."""
         return {point.label: point for point in self.points if point.label}
 
     @property
     def bending_at_m_hz(self) -> list[float]:
-        """The pillars' two bending bands at M; [] on a path without M."""
+        """Two bending bands of the pillars at M; [] on a path without M."""
         return next((point.frequencies_hz[:2] for point in self.points if point.label == "M"), [])
 
     @property
     def bending_errors(self) -> list[float | None]:
-        """Relative half-widths of the bars of bending_at_m_hz."""
+        """Relative error bars of bending_at_m_hz (half-widths)."""
         known = next((point.error[:2] for point in self.points if point.label == "M"), [])
         return [*known, *[None] * (len(self.bending_at_m_hz) - len(known))]
 
     @property
     def bending_texts(self) -> list[str]:
-        """bending_at_m_hz with the digits that their bars allow."""
+        """Values of bending_at_m_hz with the digits that their error bars allow."""
         return list(map(quantity.frequency, self.bending_at_m_hz, self.bending_errors))
 
     # -- figures of a sweep
@@ -264,7 +267,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     # -- words and pictures
 
     def lines(self) -> Iterator[str]:
-        """Yield the model, the frequencies at the path's corners, the gaps, and the widest error bar."""
+        """Yield the model, the frequencies at the corners of the path, the gaps, and the largest error bar."""
         from pipeline.planning.refinement import WidestBar
 
         count = len(self.points[0].frequencies_hz)
@@ -272,11 +275,11 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         head = ("label", "kx_per_m", "ky_per_m", *(f"band_{n}_{what}" for what in ("hz", "error") for n in bands))
         corners = [point for point in self.points if point.label]
         rows = [[p.label, p.kx_per_m, p.ky_per_m, *p.frequencies_hz, *(p.error or [None] * count)] for p in corners]
-        yield f"{self.model}, {self.dof} degrees of freedom a wavevector"
+        yield f"{self.model}, {self.dof} degrees of freedom per wavevector"
         yield outputs.reading_table(head, rows)
         yield from (gap.text for gap in self.gaps)
         if not self.gaps:
-            yield f"No complete gap {self.where_gaps_are_known}; bands.count asks for more"
+            yield f"No complete gap {self.where_gaps_are_known}; raise bands.count to search higher"
         if self.has_pillar and self.bending_texts:
             yield f"bending of the pillars at M: {' and '.join(self.bending_texts)}"
         if self.widest_bar:
@@ -293,12 +296,12 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     def details(self) -> Iterator[str]:
         """Yield the gaps for waves of one polarisation, and for those along one segment of the path."""
         for each in self.polarisation_gaps or ():
-            yield f"gap for {each.polarisation} waves alone: {each.interval}"
+            yield f"gap for {each.polarisation} waves only: {each.interval}"
         for gap in self.directional_gaps or ():
-            yield f"gap from {gap.start} to {gap.end} alone: {gap.interval}"
+            yield f"gap from {gap.start} to {gap.end} only: {gap.interval}"
 
     def draw(self, ax: Axes) -> None:
-        """Draw the bands over the path, waves marked by their polarisation where it is known, complete gaps shaded."""
+        """Draw the bands over the path, waves marked by polarisation where known, complete gaps shaded."""
         self.draw_bands(ax)
         if len(ax.get_legend_handles_labels()[1]) > 1:
             ax.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=LEGEND_COLUMNS)
@@ -315,8 +318,8 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         corners = [(x, NAMES.get(p.label, p.label)) for x, p in zip(s, self.points, strict=True) if p.label]
         ax.set_xticks([x for x, _ in corners], [name for _, name in corners])
         ax.grid(True, axis="x")
-        span = s[-1] or 1.0  # a lone point has none
-        ax.set(xlim=(-0.02 * span, 1.02 * span), ylim=(0, 1.04 * values.max()))  # room for the marks at both ends
+        span = s[-1] or 1.0  # a single point has none
+        ax.set(xlim=(-0.02 * span, 1.02 * span), ylim=(0, 1.04 * values.max()))  # room for the markers at both ends
         ax.set(xlabel="wavevector along the path (to scale)", ylabel="frequency (kHz)")
         for gap in self.gaps:
             low, high = gap.lower_hz / KHZ, gap.upper_hz / KHZ
@@ -325,7 +328,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
             ax.text(0.5, middle, text, transform=ax.get_yaxis_transform(), bbox=WHITE, **LABEL)  # type: ignore[arg-type]
 
     def _draw_polarisations(self, ax: Axes, s: FloatArray, values: FloatArray) -> None:
-        """Draw a mark for every wave by how it moves the plate, hollow where the pillar has most of its kinetic energy."""
+        """Mark every wave by its polarisation, hollow where most of its kinetic energy is in the pillar."""
         plate, whole = (
             np.array([getattr(point, key) for point in self.points]) for key in ("plate_polarisation", "polarisation")
         )
@@ -344,7 +347,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
 
 def plan_of_cell(case: Case, step: Step) -> Plan:
-    """Return the plan of a step that looks at the unit cell alone."""
+    """Return the plan of a step that needs only the unit cell."""
     given = simplifications.no_patches(case.patches)
     return plans.plan_of(case, step, simplifications.no_plate_modes(), given, simplifications.no_figures())
 
@@ -359,12 +362,12 @@ class Bands(Question[BandsResult], needs=("plate", "array.pitch_mm"), pictures=(
     """
 
     def check(self, case: Case) -> None:
-        """Raise InputError for a case without a cell, and for rows that differ or that have no pillar."""
+        """Raise InputError for a case without a unit cell, and for rows that differ or have no pillar."""
         super().check(case)
         case.require_one_kind("bands are")
         case.path(1)
         if case.design.pillar is None and case.design.rows:
-            raise InputError(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
+            raise InputError(f"{case.name}: array.rows = {case.design.rows}: must be 0 in a case without a [pillar]")
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:
@@ -382,7 +385,7 @@ class Bands(Question[BandsResult], needs=("plate", "array.pitch_mm"), pictures=(
         if choice.model != SOLID:
             factor = refinement_of(query.points)
             numbers["solved_wavevectors"] = query.segments * query.points * factor + 1
-            looks += f", {numbers['solved_wavevectors']} solved to follow branches" if factor > 1 else ""
+            looks += f", {numbers['solved_wavevectors']} solved to track branches" if factor > 1 else ""
         looks += f" and a grid of {query.grid} intervals" if query.grid else ""
         left_out = (*choice.left_out, simplifications.off_path(case.design, query.path, query.grid))
         demand = resource_estimate.of_bands(case, choice, numbers.get("solved_wavevectors", wavevectors))

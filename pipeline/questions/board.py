@@ -1,4 +1,4 @@
-"""The mode table of a study's case, played by the firmware on the emulated board."""
+"""Firmware run on the emulated board with the mode table of a study's case."""
 
 from __future__ import annotations
 
@@ -13,29 +13,27 @@ from pipeline.records.part import column
 
 NAME = "closed loop on the emulated board"
 TABLE = "mode_table.bin"
-# of the step: amplitudes in full scales of the converters, axes turned into the mode's frame
+# of the step: amplitudes in full scales of the converters, axes rotated into the frame of the mode
 COLUMNS = ("time_s", "reference", "u_d", "u_q", "drive")
 SOURCES = (".c", ".h", ".inc", ".ld", ".py")
 
 
 class BoardResult(Result, axes=()):
-    """A step of the reference played by the firmware's image on the emulated board; the fault alone where it ended in one."""
+    """Reference step run by the firmware image on the emulated board; only the fault if it ended in one."""
 
-    compiler: str | None = column("what compiled the image", default=None)
+    compiler: str | None = column("compiler of the image", default=None)
     swept: bool | None = column("whether the image identified the mode first", default=None)
     frequency_hz: float | None = column("frequency of the mode", "Hz", default=None)
     tau_s: float | None = column("time constant of the mode", "s", default=None)
-    gain: list[float] | None = column(
-        "sensor over drive, real and imaginary, of full scales", table=False, default=None
-    )
+    gain: list[float] | None = column("sensor / drive, real and imaginary, in full scales", table=False, default=None)
     delay_s: float | None = column("delay between drive and sensor", "s", default=None)
-    reference: float | None = column("the step that was asked for, of full scale", default=None)
-    t95_s: float | None = column("time to 95 %; None where it was not reached", "s", default=None)
+    reference: float | None = column("requested step, in full scales", default=None)
+    t95_s: float | None = column("time to 95 %; None if not reached", "s", default=None)
     overshoot: float | None = column("overshoot, relative", default=None)
-    fault: str | None = column("the fault in which the image ended", default=None)
+    fault: str | None = column("fault that stopped the image", default=None)
 
     def lines(self) -> Iterator[str]:
-        """Yield the mode that the image drove, and how long the step took."""
+        """Yield the mode driven by the image and the duration of the step."""
         from pipeline.quantity import MS
 
         if self.fault is not None:
@@ -51,23 +49,23 @@ class BoardResult(Result, axes=()):
 
 
 class Board(Question[BoardResult], in_studies_only=True, after="modes", pictures=("report.gallery.board",)):
-    """Play the mode table of the case by the firmware's image on the emulated board, a step of the reference."""
+    """Run a reference step with the case's mode table in the firmware image on the emulated board."""
 
-    step = (NAME, "the firmware's image and the mode table")
+    step = (NAME, "firmware image and mode table")
 
     @classmethod
     def inputs(cls) -> dict[str, Any]:
-        """Return the state of the firmware's sources."""
+        """Return the hash of the firmware's sources."""
         return {"firmware": sources_hash()}
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BoardResult:
-        """Run the image with the table in the case's folder."""
+        """Run the image with the mode table in the case's folder."""
         from firmware.build import BuildError
         from firmware.emulate import EmulationError, board_run
 
         assert run.folder
         if not run.target:
-            raise Unanswered(NAME, "no mode of the target shape: there is no mode table")
+            raise Unanswered(NAME, "no mode has the target shape, so there is no mode table")
         try:
             with run.step(NAME):
                 played = board_run((run.folder / TABLE).read_bytes())
@@ -85,7 +83,7 @@ class Board(Question[BoardResult], in_studies_only=True, after="modes", pictures
 
 
 def sources_hash() -> str:
-    """Return a sha256 over the firmware's sources: what a run of the image depends on besides the table."""
+    """Return a sha256 of the firmware's sources, on which a run of the image depends besides the table."""
     import hashlib
 
     from pipeline.paths import ROOT

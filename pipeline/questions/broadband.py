@@ -1,4 +1,4 @@
-"""What the rows hold over frequency: what passes them, and how far a driven zone stays confined."""
+"""Broadband behaviour of the rows: attenuation of a wave and confinement of a driven zone over frequency."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import bar, column
 
 POINTS, SHOWN = 201, 20
-ENDS = "relative half-widths of the error bars of both ends of each interval of `{}`"
+ENDS = "relative error bars of both ends of each interval of `{}` (half-widths)"
 
 
 class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
-    """What the rows hold over frequency: arrays (points,) in Hz and dB, of one column of cells at the target wavenumber.
+    """Attenuation and confinement over frequency for one column of cells: arrays (points,) in Hz and dB.
 
     >>> import antinode
     >>> held = antinode.load("examples/small.toml", accuracy=0.1).broadband((30.0, 36.0), points=3)
@@ -34,14 +34,16 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
     target_hz: float | None = column("frequency of the column's target mode", "Hz", error="target_error")
     target_db: float | None = column("confinement of the column's target mode", "dB", error="target_error_db")
     confined_hz: list[float] | None = column(
-        "the interval of `confined` that holds the target mode", "Hz", error="confined_error"
+        "interval of `confined` that contains the target mode", "Hz", error="confined_error"
     )
     stopped_hz: list[float] | None = column(
-        "the interval of `stopped` that holds the target mode", "Hz", error="stopped_error"
+        "interval of `stopped` that contains the target mode", "Hz", error="stopped_error"
     )
-    confined: list[list[float]] = column("intervals where the driven motion is confined", "Hz", error="confined_error")
+    confined: list[list[float]] = column(
+        "intervals in which the driven motion is confined", "Hz", error="confined_error"
+    )
     stopped: list[list[float]] = column(
-        "intervals where at most a tenth of a wave's power passes the rows", "Hz", error="stopped_error"
+        "intervals in which the rows transmit at most a tenth of the power of a wave", "Hz", error="stopped_error"
     )
     points: list[BroadbandPoint] = column("the column at each frequency")
     target_error: float | None = bar("target_hz, relative")
@@ -51,29 +53,27 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
     stopped_error: list[list[float | None]] = column(ENDS.format("stopped"), default_factory=list)
 
     frequency_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
-    confinement_db = stacked(
-        "confinement_db", "Confinement (points,) in dB of the motion that the target shape's pressure forces."
-    )
+    confinement_db = stacked("confinement_db", "Confinement (points,) in dB under a pressure in the target shape.")
 
     def taken_db(self, frequency_hz: float) -> float:
-        """Return what the rows take at a frequency, interpolated, dB; NaN outside the band and where no wave arrives."""
+        """Interpolate the attenuation by the rows, dB; NaN outside the band and without an incident wave."""
         levels = [point.taken_db for point in self.points]
         return float(np.interp(frequency_hz, self.frequency_hz, levels, left=nan, right=nan))
 
     def end_errors(self, ends_hz: list[float]) -> tuple[float | None, float | None]:
-        """Return the relative half-widths of the bars of an interval's ends."""
+        """Return the relative error bars of the ends of an interval (half-widths)."""
         from pipeline.models.broadband import end_errors
 
         return end_errors(self.points, self.frequency_error, ends_hz)
 
-    @figure("stopped about the target mode", "Hz", error="stopped_width_error_hz", is_difference=True)
+    @figure("stop band around the target mode", "Hz", error="stopped_width_error_hz", is_difference=True)
     def stopped_width_hz(self) -> float:
-        """Width of the band about the target mode in which the rows stop nine tenths of the power; 0 where they do not."""
+        """Width of the band around the target mode in which the rows stop nine tenths of the power; 0 without one."""
         return self.stopped_hz[1] - self.stopped_hz[0] if self.stopped_hz else 0.0
 
     @property
     def stopped_width_error_hz(self) -> float | None:
-        """Half-width of the bar of stopped_width_hz by those of both ends; None without an estimate."""
+        """Error bar of stopped_width_hz from those of both ends (half-width); None without an estimate."""
         if self.stopped_hz is None:
             return None
         errors = self.end_errors(self.stopped_hz)
@@ -84,31 +84,31 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
     column_target_db = figure_at("target_db", "confinement in the column", "dB")
 
     def lines(self) -> Iterator[str]:
-        """Yield the model, some of the frequencies, the intervals and the target mode of the column."""
+        """Yield the model, some frequencies, the intervals and the target mode of the column."""
         yield f"{self.model}, kx = {in_digits(self.kx_per_m)} rad/m, {self.rows} rows"
         yield self.reading(("taken_error_db",), SHOWN)
         stretches = {
-            f"stopped (at most a tenth of the power passes {self.rows} rows)": self.stopped,
+            f"stopped ({self.rows} rows transmit at most a tenth of the power)": self.stopped,
             f"driven motion confined by {confinement.CONFINED_DB:g} dB or more": self.confined,
         }
         for what, windows in stretches.items():
             found = ", ".join(interval(low, high, *self.end_errors([low, high])) for low, high in windows)
-            yield f"{what}: {found or 'nowhere between the frequencies asked for'}"
+            yield f"{what}: {found or 'nowhere in the requested band'}"
         if self.target_hz is None or self.target_db is None:
-            yield "the column has no mode of the target shape in its window"
+            yield "no mode of the column in its window has the target shape"
             return
         own = frequency_with_bar(self.target_hz, self.target_error)
         yield f"target mode of the column: {own}, {with_bar(self.target_db, self.target_error_db, 'dB')}"
 
     def draw(self, ax: Axes) -> None:
-        """Draw what the rows take from a wave and how far the driven zone is confined, over frequency."""
+        """Draw the attenuation by the rows and the confinement of the driven zone over frequency."""
         self.draw_levels(ax, "", (style.BLUE, style.ORANGE))
 
     def draw_levels(self, ax: Axes, label: str, colours: tuple[str, str]) -> None:
         """Draw both levels, the target mode of the column marked."""
         khz = self.frequency_hz / KHZ
         taken = [point.taken_db for point in self.points]
-        ax.plot(khz, taken, color=colours[0], label=f"{label}taken from a wave by {self.rows} rows")
+        ax.plot(khz, taken, color=colours[0], label=f"{label}attenuation by {self.rows} rows")
         ax.plot(
             khz, self.confinement_db, color=colours[1], lw=0.9, ls="--", label=f"{label}confinement of the driven zone"
         )
@@ -120,11 +120,11 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         ax.legend(fontsize=7)
 
     def pictures(self) -> list[ReportFigure]:
-        """Return the rows over frequency."""
+        """Return the picture of attenuation and confinement over frequency."""
         bands = ", ".join(interval(low, high, *self.end_errors([low, high])) for low, high in self.stopped) or "nowhere"
         least = f"at least {confinement.CONFINED_DB:g} at {bands}"
-        alt = f"Over frequency: dB that {self.rows} rows take from a flexural wave, {least}; "
-        title, more = "What the rows hold over frequency", "and confinement of the driven zone"
+        alt = f"Over frequency: attenuation of a flexural wave by {self.rows} rows in dB, {least}; "
+        title, more = "Attenuation by the rows and confinement over frequency", "and confinement of the driven zone"
         return [style.ReportFigure("broadband", title, alt + more, self.as_figure(), vector=True)]
 
     def __repr__(self) -> str:
@@ -136,7 +136,7 @@ class Broadband(
     needs=("plate", "zone", "pillar", "array.pitch_mm", "array.rows"),
     example="broadband studies/three-rows.toml --set array.heights_mm=[6.3,6.0,5.7] --band 25kHz:45kHz",
 ):
-    """Compute over frequency what the rows let through and how far a driven zone stays confined, dB; rows may differ.
+    """Compute the attenuation by the rows and the confinement of a driven zone over frequency, in dB; rows may differ.
 
     >>> import antinode
     >>> plate = antinode.load("examples/small.toml", accuracy=0.1)
@@ -146,10 +146,10 @@ class Broadband(
 
     step = ("rows over frequency", "column of reduced cells at the target wavenumber")
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
-    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
+    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="number of frequencies")
 
     def check(self, case: Case) -> None:
-        """Raise InputError for a case without rows of pillars that reduced hexahedra follow."""
+        """Raise InputError for a case without rows of pillars that hexahedra can mesh."""
         from pipeline.models.broadband import checked
 
         super().check(case)
@@ -159,7 +159,9 @@ class Broadband(
     def spared(cls, case: Case) -> simplifications.Simplification | None:
         if case.design.rows and simplifications.hexahedra(case, "plate"):
             return None
-        return simplifications.Simplification("no_rows", "broadband", "it takes rows of pillars that hexahedra follow")
+        return simplifications.Simplification(
+            "no_rows", "broadband", "it needs rows of pillars that hexahedra can mesh"
+        )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BroadbandResult:
         from pipeline.models.broadband import broadband

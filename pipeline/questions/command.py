@@ -1,6 +1,6 @@
-"""Commands and methods of a plate: the options of questions from their declarations, and where an answer goes.
+"""Commands and methods of a plate: options built from the questions' declarations, and output of the answers.
 
-Text is for people, one JSON document for scripts; files go into a folder.
+Text is for people, a JSON document for scripts; files go into a folder.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 Kind = type[Question[Any]]
 FIELDS = "write the field of every mode into --out DIR (fields.npz)"
-MAX_DIGITS = 40  # characters of a number that are read and shown
+MAX_DIGITS = 40  # longest number that is read and shown, in characters
 FORMATS = (".png", ".pdf", ".svg")
-OF_UNIT = {"rad/m": "per_m", "N/m": "N_per_m"}  # ends of options' names, where these are not the unit itself
+OF_UNIT = {"rad/m": "per_m", "N/m": "N_per_m"}  # endings of option names that differ from the unit
 
 P = ParamSpec("P")
 R = TypeVar("R", bound=Result)
@@ -42,14 +42,14 @@ R = TypeVar("R", bound=Result)
 RAISES = """Raises
 ------
 InputError
-    Where the case lacks what the question needs.
+    If the case lacks a table or key that the question needs.
 SolverError
-    Where a result could not be trusted."""
+    If a result fails its own checks."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """A document, lines of text, rows under a head for CSV; pictures for --out, drawn when asked for; a figure for --plot."""
+    """Document, lines of text, rows under a head for CSV; pictures for --out, drawn on demand; a figure for --plot."""
 
     document: dict[str, Any]
     lines: Sequence[str]
@@ -60,7 +60,7 @@ class Answer:
 
 
 class asks(Generic[P, R]):
-    """A method that asks a question: `bands = asks(Bands)` in the class of a plate.
+    """Method that asks a question: `bands = asks(Bands)` in the class of a plate.
 
     The plate has `case` and `_log(progress)`, the log of a computation.
     """
@@ -74,7 +74,7 @@ class asks(Generic[P, R]):
 
 
 def add_options(sub: argparse.ArgumentParser, question: Kind) -> None:
-    """Add the options of a question to its command, and those of questions that may be asked in its place."""
+    """Add the options of a question to its command, and those of the questions that may replace it."""
     known: set[str] = set()
     for kind in (question, *_variants(question)):
         defaults = {each.name: each.default for each in fields(kind)}
@@ -86,13 +86,13 @@ def add_options(sub: argparse.ArgumentParser, question: Kind) -> None:
 
 
 def flag(name: str, about: Option, default: Any = None) -> str:
-    """Return the flag of an option: its name without its unit."""
+    """Return the flag of an option: its name without the unit."""
     words = about.flag or name.removesuffix(f"_{OF_UNIT.get(about.unit, about.unit)}").replace("_", "-")
     return f"--no-{words}" if default is True else f"--{words}"
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the command of a question: read its case, then explain, or ask and write the answer."""
+    """Run the command of a question: read the case, then explain, or ask and write the answer."""
     from pipeline.case.limits import warn_of_doubts
 
     kind = _asked(arguments)
@@ -111,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def answer(arguments: argparse.Namespace, case: Case | None, question: Question[Any], log: TerminalLog) -> int:
-    """Ask a question and write its answer to where the command line asks for it."""
+    """Ask a question and write its answer to the requested places."""
     from pipeline.records import store
 
     kept = any(getattr(arguments, name) for name in ("json", "out", "csv", "markdown")) or arguments.verbose
@@ -129,14 +129,14 @@ def answer(arguments: argparse.Namespace, case: Case | None, question: Question[
 
 
 def of_case(arguments: argparse.Namespace, case: Case) -> Case:
-    """The case, kept as the one that is answered; places are looked at once more, now that it is known what it reads."""
+    """Keep the case that is answered, and check the output places again now that its input files are known."""
     arguments.answered = case
     outputs.check_places(arguments)
     return case
 
 
 def check(arguments: argparse.Namespace) -> None:
-    """Before computing: InputError for a --plot in a format that is not drawn, or a place that cannot be written."""
+    """Raise InputError, before computing, for an unsupported format of --plot or a place that cannot be written."""
     place = getattr(arguments, "plot", None)
     if place and Path(place).suffix.lower() not in FORMATS:
         raise InputError(f"--plot = {place}: must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
@@ -144,12 +144,12 @@ def check(arguments: argparse.Namespace) -> None:
 
 
 def emit(arguments: argparse.Namespace, name: str, answer: Answer, log: TerminalLog | None = None) -> int:
-    """Text on standard output unless a document goes there; JSON, CSV, pictures and files to where they are asked for.
+    """Write text to standard output unless a document goes there, and JSON, CSV, pictures and files to their places.
 
-    Every document also says which case it answers, with defaults, and by which version; with a log its seconds.
+    Every document also names the case with its defaults, the version and, with a log, the seconds spent.
     """
     case: Case | None = getattr(arguments, "answered", None)
-    from importlib.metadata import version  # slow to import, and what only explains needs none
+    from importlib.metadata import version  # slow to import, and not needed by --explain
 
     about = {"case": case and case.name, "with_defaults": case and case.to_dict(), "version": version("antinode")}
     seconds = {"seconds": log.seconds | {"total": log.elapsed}} if log else {}
@@ -164,7 +164,7 @@ def emit(arguments: argparse.Namespace, name: str, answer: Answer, log: Terminal
         _draw(answer, outputs.folder(out))
     if answer.head and getattr(arguments, "plot", None):  # a plan has neither rows nor a figure
         _save(_figure(answer), Path(arguments.plot))
-    _print(arguments, answer, written)  # last: whoever reads it may have left
+    _print(arguments, answer, written)  # last: the reading process may have closed the pipe
     return 0
 
 
@@ -172,7 +172,7 @@ def numpydoc(question: type[Question[Any]]) -> str:
     """Return the docstring of a question's method."""
     summary, _, examples = (inspect.getdoc(question) or "").partition("\n>>> ")
     options = [f"{n}\n    {each.help}{each.unit and f', in {each.unit}'}." for n, each in question.options.items()]
-    progress = "progress\n    Whether to report on standard error; None: in a terminal or a notebook."
+    progress = "progress\n    Whether to report progress on standard error; None: in a terminal or a notebook."
     listed = "\n".join(["Parameters", "----------", *options, progress])
     of_result = (inspect.getdoc(question.result) or "").splitlines()[0]
     returned = f"Returns\n-------\n{question.result.__name__}\n    {of_result}"
@@ -185,7 +185,7 @@ def _variants(question: Kind) -> list[Kind]:
 
 
 def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, default: Any) -> None:
-    """Add an option; its type says how its text is read."""
+    """Add an option; its type decides how its text is parsed."""
     shown = about.help
     if about.unit == "kHz":
         shown += f", such as {'28kHz:38kHz' if kind == Pair else '32kHz'}"
@@ -212,7 +212,7 @@ def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, defa
 
 
 def _reader(kind: Any, about: Option) -> Callable[[str], Any]:
-    """Return what reads the text of a number, with the faults of the question itself."""
+    """Return the parser of a number, which reports the same faults as the question."""
 
     def read(text: str) -> Any:
         shown = text[:MAX_DIGITS]
@@ -230,7 +230,7 @@ def _reader(kind: Any, about: Option) -> Callable[[str], Any]:
 
 
 def _case(arguments: argparse.Namespace, kind: Kind) -> Case | None:
-    """Return the case of a command line; None for a question that does without. Raises InputError for a wrong case."""
+    """Return the case of a command line; None for a question that needs none. Raises InputError for a faulty case."""
     from pipeline.case.model import load_case
 
     if arguments.case is not None:
@@ -243,7 +243,7 @@ def _case(arguments: argparse.Namespace, kind: Kind) -> Case | None:
 
 
 def _asked(arguments: argparse.Namespace) -> Kind:
-    """Return the question that a command line asks. Raises InputError for options that are another question's."""
+    """Return the question of a command line. Raises InputError for options of another question."""
     own: Kind = QUESTIONS[arguments.question]
     variants = _variants(own)
     kind = next((each for each in variants if _is_selected(arguments, each)), own)
@@ -251,7 +251,7 @@ def _asked(arguments: argparse.Namespace) -> Kind:
         line for other in (own, *variants) if other is not kind for line in _others_options(arguments, kind, other)
     ]
     if getattr(arguments, "save_all_fields", False) and not (arguments.out or arguments.explain):
-        lines.append("--save-all-fields: needs --out DIR, the folder that fields.npz goes to")
+        lines.append("--save-all-fields: needs --out DIR, the folder for fields.npz")
     if lines:
         raise InputError(lines)
     return kind
@@ -262,7 +262,7 @@ def _is_selected(arguments: argparse.Namespace, kind: Kind) -> bool:
 
 
 def _others_options(arguments: argparse.Namespace, kind: Kind, other: Kind) -> Iterator[str]:
-    """Yield a line for each option given that only another question than the one asked has."""
+    """Yield a line for each given option that belongs to another question only."""
     defaults = {each.name: each.default for each in fields(other)}
     for name, about in other.options.items():
         value = getattr(arguments, name)
@@ -275,7 +275,7 @@ def _others_options(arguments: argparse.Namespace, kind: Kind, other: Kind) -> I
         why = (
             f"needs {flag(by, selected)} {selected.metavar}"
             if needed
-            else f"must be left out beside {flag(by, selected)}"
+            else f"cannot be combined with {flag(by, selected)}: remove one of them"
         )
         yield from (f"{flag(name, about)} = {_shown(one)}: {why}" for one in given)
 
@@ -285,7 +285,7 @@ def _shown(value: Any) -> str:
 
 
 def _given(arguments: argparse.Namespace, kind: Kind, name: str, about: Option) -> Any:
-    """Return an option's value from a command line. Raises InputError for a text that is no number, frequency or time."""
+    """Parse an option's value. Raises InputError for text that is not a number, frequency or time."""
     value, named = getattr(arguments, name), flag(name, about)
     read: Any = kind_of(kind, name)
     if isinstance(value, list):
@@ -312,7 +312,7 @@ def _of_text(text: str, kind: Any, about: Option, named: str) -> Any:
 
 
 def _items(texts: list[str], item: Any, about: Option, named: str) -> tuple[Any, ...]:
-    """Return the items of an option that is given several times. Raises InputError, one line a fault."""
+    """Return the items of a repeatable option. Raises InputError with one line per fault."""
     if item is str:
         return tuple(texts)
     found, lines = [], []
@@ -336,7 +336,7 @@ def _print(arguments: argparse.Namespace, answer: Answer, written: Mapping[Path,
 
 
 def _figure(answer: Answer) -> Any:
-    """The figure of an answer, else its first picture."""
+    """Return the figure of an answer, else its first picture."""
     if answer.figure:
         return answer.figure()
     with style.style():
@@ -344,7 +344,7 @@ def _figure(answer: Answer) -> Any:
 
 
 def _save(figure: Any, place: Path) -> None:
-    """A figure as a file, whole or not at all, in the format of its ending (png, pdf or svg)."""
+    """Write a figure atomically, in the format of the file's ending (png, pdf or svg)."""
     from geometry.files import written_whole
 
     with style.style(), written_whole(place) as temporary:
@@ -352,7 +352,7 @@ def _save(figure: Any, place: Path) -> None:
 
 
 def _files(arguments: argparse.Namespace, name: str, answer: Answer, encoded: bytes) -> dict[Path, bytes]:
-    """What is written, by its place; standard output is one of them."""
+    """Return the documents to write by place; standard output is one of them."""
     rows = outputs.csv_bytes(answer.head, answer.rows) if answer.head else b""
     readable = outputs.reading_markdown(answer.head, answer.rows).encode() if answer.head else b""
     known = {"json": encoded, "csv": rows, "markdown": readable}
@@ -365,7 +365,7 @@ def _files(arguments: argparse.Namespace, name: str, answer: Answer, encoded: by
 
 
 def _draw(answer: Answer, place: Path) -> None:
-    """Every picture of an answer into a folder."""
+    """Write every picture of an answer into a folder."""
     with style.style():
         for picture in answer.pictures():
             style.save(picture, place)

@@ -14,11 +14,11 @@ from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import column
 
 POINTS = 401
-DARK = -25.0  # dB: below it letters are white
+DARK = -25.0  # dB: below this level letters are white
 
 
 class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
-    """Several zones on one plate, each driven in turn: levels of all of them over the driven one's, dB.
+    """Cross-talk of several zones on one plate, each driven in turn: levels relative to the driven zone, dB.
 
     >>> import antinode
     >>> from pipeline.models.answer_parts import DrivenZone
@@ -32,38 +32,38 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
     model: str = column("model of the plate and its element order, and the number of patches")
     dof: int = column("degrees of freedom that were solved for")
     shared_rows: int = column("rows between two zones")
-    gap_m: float = column("distance of two zones' borders", "m")
+    gap_m: float = column("distance between the borders of two zones", "m")
     frequency_hz: list[float] = column("frequencies of over_rms_m_per_V", "Hz", along="frequency_hz")
-    zones: list[DrivenZone] = column("one driven zone each, by ascending y")
+    zones: list[DrivenZone] = column("one entry per driven zone, in ascending y")
 
     level_db = stacked("level_db", "Levels (driven zones, measured zones) in dB.")
 
     @property
     def first(self) -> DrivenZone:
-        """The first zone, driven."""
+        """Entry of the first driven zone."""
         return self.zones[0]
 
     crosstalk_gap_mm = figure_at(
         "gap_m", "gap between zones", "mm", scale=MM, error=lambda levels: 0.0
-    )  # as it is given
+    )  # a given value
 
     @figure("largest cross-talk", "dB", name="crosstalk_db", error=lambda levels: worst_of(levels.zones)[1])
     def worst_db(self) -> float | None:
-        """The largest level of a zone while another is driven; None with one zone."""
+        """Largest level of a zone while another is driven; None for a single zone."""
         return worst_of(self.zones)[0]
 
     crosstalk_hz = figure_at("first.peak_hz", "peak of the first zone, driven", "Hz")
     crosstalk_passive_db = figure_at("first.passive_db", "passive face, first zone driven", "dB")
 
     def lines(self) -> Iterator[str]:
-        """Yield the gap and a line for each driven zone."""
+        """Yield the gap and one line per driven zone."""
         between = f"{self.shared_rows} rows" if self.shared_rows else "no row"
-        head = f"{len(self.zones)} zones, {self.gap_m / MM:g} mm and {between} between two of them"
+        head = f"{len(self.zones)} zones, {self.gap_m / MM:g} mm and {between} between neighbours"
         yield head if len(self.zones) > 1 else "one zone"
         yield from map(_in_words, self.zones)
 
     def draw(self, ax: Axes) -> None:
-        """Draw the level of every zone while each of them is driven, dB."""
+        """Draw the level of every zone for each driven zone, dB."""
         levels, names = self.level_db, [str(number) for number in range(1, len(self.zones) + 1)]
         ax.imshow(levels, cmap=style.QUALITY, vmin=-60.0, vmax=0.0)
         for row, at in np.ndindex(levels.shape):
@@ -72,10 +72,10 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
             ax.text(at, row, level_figure(level, errors[at] if errors else None), **words)
         ax.set_xticks(range(len(levels)), names)
         ax.set_yticks(range(len(levels)), names)
-        ax.set(xlabel="zone measured", ylabel="zone driven", title="dB over the driven zone")
+        ax.set(xlabel="measured zone", ylabel="driven zone", title="level relative to the driven zone (dB)")
 
     def pictures(self) -> list[ReportFigure]:
-        """Return the table of levels, and every zone over frequency while the first is driven."""
+        """Return the pictures of the levels, and of every zone over frequency while the first is driven."""
         drawn, (table, over) = style.panels(3.4, 1, 2, width_ratios=(1.0, 1.6))
         self.draw(table)
         curves = {f"zone {i}": np.array(rms) / NM for i, rms in enumerate(self.first.over_rms_m_per_V, start=1)}
@@ -84,7 +84,7 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
         over.set(xlabel="frequency (kHz)", ylabel="rms u_z (nm/V)", title="Zone 1 driven")
         over.legend(fontsize=8)
         worst = "one zone" if self.worst_db is None else f"at most {level(self.worst_db)} in another zone"
-        alt = f"Cross-talk between {len(self.zones)} zones, {self.shared_rows} rows between two of them: {worst}"
+        alt = f"Cross-talk between {len(self.zones)} zones, {self.shared_rows} rows between neighbours: {worst}"
         return [style.ReportFigure("crosstalk", "Cross-talk between zones", alt, drawn, vector=True)]
 
     def __repr__(self) -> str:
@@ -118,10 +118,10 @@ class Crosstalk(
     """
 
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
-    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
+    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="number of frequencies")
 
     def check(self, case: Case) -> None:
-        """Raise InputError for a case without patches that drive each of its zones, the others' at 0 V."""
+        """Raise InputError for a case without patches that drive each of its zones."""
         from pipeline.models.forced import check_zones
 
         super().check(case)
@@ -131,7 +131,7 @@ class Crosstalk(
         from dataclasses import replace
 
         step = plans.response_step(case, hz(self.band_kHz), self.points, several=True)
-        looks = f"{self.points} frequencies, each of {case.design.zones} zones driven in turn"
+        looks = f"{self.points} frequencies, {case.design.zones} zones, each driven in turn"
         own = replace(step, measure=self.name, name="cross-talk between zones", looks_for=looks)
         return plans.plan_of(case, own)
 

@@ -1,4 +1,4 @@
-"""Print and CAD files of the plate, and what was found in the print file."""
+"""Print and CAD files of the plate, and the check of the print file."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
 
 
 class GeometryResult(Result, axes=()):
-    """The print and CAD files, and what was found in the print file."""
+    """Print and CAD files, and the check of the print file."""
 
-    files: list[str] = column("the files that were written", table=False)
+    files: list[str] = column("written files", table=False)
     mass_kg: float = column("mass of the plate", "kg")
     volume_m3: float = column("volume of the print file", "m3")
-    watertight: bool = column("whether its surface is closed")
-    bodies: int = column("bodies in it")
-    volume_error: float = column("volume of the mesh over that of the solid, less 1")
-    smallest_feature_m: float = column("smallest size to be printed", "m")
-    smallest_feature: str = column("what has that size", default="")
+    watertight: bool = column("whether the surface of the print file is closed")
+    bodies: int = column("number of bodies in the print file")
+    volume_error: float = column("volume of the print file's mesh relative to that of the solid, minus 1")
+    smallest_feature_m: float = column("smallest printed feature", "m")
+    smallest_feature: str = column("name of the smallest feature", default="")
     overhang_deg: float | None = column("steepest overhang", "degree", default=None)
     overhang: float | None = column("area of the overhangs", "m2", default=None)
 
     mass = figure_at("mass_kg", "mass", "kg", name="mass_kg")
 
     def lines(self) -> Iterator[str]:
-        """Yield what was found in the print file."""
+        """Yield the check of the print file."""
         yield (
             f"print file: closed {self.watertight}, {self.bodies} body, "
             f"volume {signed(percentage(self.volume_error))} of the solid's, mass {figure(self.mass_kg / GRAM)} g, "
@@ -46,7 +46,7 @@ class GeometryResult(Result, axes=()):
 class Geometry(Question[GeometryResult], in_studies_only=True, of_any_zones=True):
     """Write print and CAD files of the plate and check the print file."""
 
-    step = ("print and CAD files", "CAD solids, STL read back")
+    step = ("print and CAD files", "CAD solids; STL read back")
 
     def compute(self, case: Case, plan: Plan, run: Run) -> GeometryResult:
         """Write STL, STEP and 3MF into the case's folder and read the STL back."""
@@ -66,7 +66,7 @@ class Geometry(Question[GeometryResult], in_studies_only=True, of_any_zones=True
 
 
 def checked(case: Case, body: Any, stl: Path, log: Log, files: tuple[str, ...]) -> GeometryResult:
-    """Return what was found in a print file of a solid, and log it with its faults."""
+    """Check the print file of a solid, and log the findings and faults."""
     from geometry.cad.printing import check_print
 
     found = check_print(stl, body, case.design)
@@ -82,12 +82,12 @@ def checked(case: Case, body: Any, stl: Path, log: Log, files: tuple[str, ...]) 
 
 
 def about(case: Case) -> dict[str, str]:
-    """Return what a 3MF file says of itself."""
+    """Return the description stored in a 3MF file."""
     from pipeline.records.store import input_hash
 
     return {
         "Title": case.name,
-        "Description": f"touch plate, {case.design.rows} rows of pillars a side; touch face down on the build plate; "
+        "Description": f"touch plate, {case.design.rows} rows of pillars per side; touch face down on the build plate; "
         f"design {input_hash(case.to_dict())}",
         "Application": "antinode",
     }

@@ -1,4 +1,4 @@
-"""Rows and patches together: how far either and both confine the zone over frequency, and what detuning costs each."""
+"""Rows and patches together: confinement by either and by both over frequency, and its loss by detuning."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ from pipeline.questions.result import Figure, Result, figure, stacked
 from pipeline.records.part import Part, bar, column
 
 POINTS = 61
-ALPHA = 0.3  # on the thesis' plate a tenth of the voltage for 0.3 dB less than the most
-WORDS = {"rows": "rows alone", "patches": "patches alone", "both": "rows and patches"}
+ALPHA = 0.3  # on the thesis' plate a tenth of the voltage for 0.3 dB less than the maximum
+WORDS = {"rows": "rows only", "patches": "patches only", "both": "rows and patches"}
 
 
 class HybridMethod(Part):
-    """A method of confinement over the frequencies: neither and rows drive the patches inside the zone in phase with the target
-    mode, patches and both drive all with the voltages of the largest contrast. Rows stand where rows or both are named.
+    """Confinement by one method over frequency.
+
+    "neither" and "rows" drive the patches inside the zone in phase with the target mode; "patches" and "both" drive
+    all patches with the voltages of the largest contrast. The plate has rows of pillars for "rows" and "both".
     """
 
     method: str = column("neither, rows, patches or both")
@@ -29,11 +31,11 @@ class HybridMethod(Part):
         "confinement", "dB", along="frequency_hz", name="db", error="confinement_error_db"
     )
     off_db: list[float] = column(
-        "least confinement, at the same voltages, with every resonance lower or higher by the detuning", "dB",
+        "smaller confinement with every resonance lower or higher by the detuning, at the same voltages", "dB",
         along="frequency_hz", error="off_error_db",
     )  # fmt: skip
     rows_off_db: list[float] | None = column(
-        "least confinement with the pillars' resonances alone off; None without rows", "dB", along="frequency_hz",
+        "the same with only the pillars' resonances detuned; None without rows", "dB", along="frequency_hz",
         error="rows_off_error_db",
     )  # fmt: skip
     volts_per_um: list[float] = column(
@@ -45,7 +47,7 @@ class HybridMethod(Part):
     volts_error_per_um: list[float | None] | None = bar("volts_per_um", "V", along="frequency_hz")
 
     def at(self, name: str, place: int) -> tuple[float, float | None]:
-        """Return a figure at a place of the frequencies, NaN where there is none, and the half-width of its bar."""
+        """Return a figure at an index of the frequencies (NaN if missing) and its error bar."""
         values, errors = getattr(self, name), getattr(self, self.declared[name].error)
         return values[place] if values else nan, errors[place] if errors else None
 
@@ -59,7 +61,7 @@ def _at_peak(method: str, name: str, heading: str) -> Figure[float | None]:
 
 
 class HybridResult(Result, axes=("frequency_hz",)):
-    """Rows and patches together over frequency: levels in dB and V for 1 um by neither, rows, patches and both.
+    """Confinement in dB and voltage for 1 um over frequency, by neither, rows, patches and both.
 
     >>> import antinode
     >>> from pipeline.questions.hybrid import HybridMethod
@@ -73,16 +75,16 @@ class HybridResult(Result, axes=("frequency_hz",)):
     dof: int = column("degrees of freedom that were solved for")
     inside: int = column("driving patches inside the zone")
     behind: int = column("driving patches beyond the zone")
-    detuning: float = column("how far resonances are put off, relative")
-    alpha: float = column("weight of voltages that move little")
+    detuning: float = column("relative detuning of the resonances")
+    alpha: float = column("penalty on voltages that move little")
     target_hz: float | None = column(
-        "peak of the plate with rows; None where it lies outside the band", "Hz", error="target_error"
+        "peak of the plate with rows; None if outside the band", "Hz", error="target_error"
     )
     frequency_hz: list[float] = column("frequencies of the methods", "Hz", along="frequency_hz")
     methods: list[HybridMethod] = column("the four methods of confinement")
     target_error: float | None = bar("target_hz, relative")
     target_elsewhere_hz: float | None = column(
-        "peak of the plate with rows where it lies outside the band", "Hz", error="target_elsewhere_error", default=None
+        "peak of the plate with rows if outside the band", "Hz", error="target_elsewhere_error", default=None
     )
     target_elsewhere_error: float | None = bar("target_elsewhere_hz, relative")
 
@@ -90,32 +92,32 @@ class HybridResult(Result, axes=("frequency_hz",)):
 
     @property
     def target_place(self) -> int | None:
-        """Place of the target mode's peak among the frequencies; None where the band holds none."""
+        """Index of the target mode's peak among the frequencies; None if the band contains none."""
         return None if self.target_hz is None else self.frequency_hz.index(self.target_hz)
 
     def method(self, name: str) -> HybridMethod:
-        """Return a method by its name."""
+        """Return a method by name."""
         return next(each for each in self.methods if each.method == name)
 
     def at_target(self, method: str, values: str) -> float | None:
-        """Return a figure of a method, such as off_db, or its bar at the target mode's peak."""
+        """Return a figure of a method, such as off_db, or its error bar, at the target mode's peak."""
         figures: list[float] | None = getattr(self.method(method), values)
         return None if figures is None or self.target_place is None else figures[self.target_place]
 
     hybrid_rows_db = _at_peak("rows", "confinement_db", "confinement by {}")
-    hybrid_rows_off_db = _at_peak("rows", "off_db", "{}, all off by 2 %")
-    hybrid_rows_rows_off_db = _at_peak("rows", "rows_off_db", "{}, pillars off by 2 %")
+    hybrid_rows_off_db = _at_peak("rows", "off_db", "{}, all detuned by 2 %")
+    hybrid_rows_rows_off_db = _at_peak("rows", "rows_off_db", "{}, pillars detuned by 2 %")
     hybrid_rows_v_per_um = _at_peak("rows", "volts_per_um", "drive for 1 um, {}")
     hybrid_patches_db = _at_peak("patches", "confinement_db", "confinement by {}")
-    hybrid_patches_off_db = _at_peak("patches", "off_db", "{}, all off by 2 %")
+    hybrid_patches_off_db = _at_peak("patches", "off_db", "{}, all detuned by 2 %")
     hybrid_patches_v_per_um = _at_peak("patches", "volts_per_um", "drive for 1 um, {}")
     hybrid_both_db = _at_peak("both", "confinement_db", "confinement by {}")
-    hybrid_both_off_db = _at_peak("both", "off_db", "{}, all off by 2 %")
-    hybrid_both_rows_off_db = _at_peak("both", "rows_off_db", "{}, pillars off by 2 %")
+    hybrid_both_off_db = _at_peak("both", "off_db", "{}, all detuned by 2 %")
+    hybrid_both_rows_off_db = _at_peak("both", "rows_off_db", "{}, pillars detuned by 2 %")
     hybrid_both_v_per_um = _at_peak("both", "volts_per_um", "drive for 1 um, {}")
 
     def to_rows(self) -> list[dict[str, Any]]:
-        """Return a row a frequency: of each method its figures, those that it has, such as both_off_db."""
+        """Return one row per frequency with the figures of each method, such as both_off_db."""
         columns = {
             f"{method.method}_{about.name or name}": values
             for method in self.methods
@@ -134,34 +136,34 @@ class HybridResult(Result, axes=("frequency_hz",)):
         if place is None:
             elsewhere = frequency_with_bar(self.target_elsewhere_hz, self.target_elsewhere_error)
             known = self.target_elsewhere_hz is not None
-            where = f"it lies at {elsewhere}" if known else "no mode of the plate has its shape"
-            yield f"the band does not hold the target mode, {where}: the levels over frequency stand alone"
+            where = f"it lies at {elsewhere}" if known else "no mode of the plate has the target shape"
+            yield f"the band does not contain the target mode, {where}: only the levels over frequency are reported"
             return
         yield f"at the target mode's peak, {frequency_with_bar(self.target_hz, self.target_error)}:"
         for method in self.methods:
             names = ("confinement_db", "volts_per_um", "off_db", "rows_off_db")
             level, volts, off, rows_off = (method.at(name, place) for name in names)
-            alone = "" if method.rows_off_db is None else f", {level_with_bar(*rows_off)} with the pillars' alone"
+            alone = "" if method.rows_off_db is None else f", {level_with_bar(*rows_off)} with only the pillars'"
             yield (
                 f"{method.method}: {level_with_bar(*level)}, {with_bar(*volts, 'V')} for 1 um rms in the zone; "
-                f"{level_with_bar(*off)} with every resonance off by {100.0 * self.detuning:g}%{alone}"
+                f"{level_with_bar(*off)} with every resonance detuned by {100.0 * self.detuning:g} %{alone}"
             )
 
     def draw(self, ax: Axes) -> None:
         """Draw confinement by rows, by patches, by both and by neither over frequency."""
         levels = {method.method: method.confinement_db for method in self.methods}
-        self._draw_methods(ax, levels, "confinement (dB)", "As computed; dotted: the target mode's peak")
+        self._draw_methods(ax, levels, "confinement (dB)", "Nominal plate; dotted: peak of the target mode")
         ax.axhline(confinement.CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
         ax.set_xlabel("frequency (kHz)")
         ax.legend(fontsize=8, ncols=4)
 
     def pictures(self) -> list[ReportFigure]:
-        """Return the levels of the four methods over frequency, the same detuned, and the voltages."""
+        """Return the pictures of the four methods over frequency, nominal and detuned, and of the voltages."""
         drawn, (levels, detuned, drive) = style.panels(7.6, 3, 1, sharex=True)
         self.draw(levels)
         off = {each.method: each.off_db if each.rows_off_db is None else each.rows_off_db for each in self.methods}
         shift = percentage(self.detuning, 0.0)
-        title = f"Resonances of the pillars (of the plate without rows) off by {shift}, the worse sign"
+        title = f"Resonances of the pillars (of the plate without rows) detuned by {shift}, worse sign"
         self._draw_methods(detuned, off, "confinement (dB)", title)
         volts = {each.method: each.volts_per_um for each in self.methods}
         self._draw_methods(drive, volts, "largest voltage (V)", "For 1 µm rms in the zone")
@@ -176,7 +178,7 @@ class HybridResult(Result, axes=("frequency_hz",)):
         ax.grid(True)
 
     def _alt(self) -> str:
-        place, where = self.target_place, "least over the band"
+        place, where = self.target_place, "minimum over the band"
         if place is not None:
             where = f"at {frequency(self.target_hz, self.target_error)}"
         levels = [
@@ -195,7 +197,7 @@ class Hybrid(
     drives=True,
     example="hybrid examples/hybrid-plate.toml --out hybrid",
 ):
-    """Compare rows and patches: confinement by either and by both over frequency, drive voltages, what detuning costs.
+    """Compare rows and patches: confinement by either and by both over frequency, drive voltages, loss by detuning.
 
     Two or more patches must drive, one of them inside the zone.
 
@@ -207,11 +209,11 @@ class Hybrid(
     """
 
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
-    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
+    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="number of frequencies")
     alpha: float = option(
         default=ALPHA, at_least=0.0, at_most=0.999, metavar="A",
-        help="leave large voltages for little motion alone: their weight beside the passive face's motion; 0: the largest "
-        "contrast, whatever it takes",
+        help="penalty on large voltages for little motion, relative to the motion of the passive face (0: largest "
+        "contrast at any voltage)",
     )  # fmt: skip
 
     def check(self, case: Case) -> None:
@@ -223,18 +225,20 @@ class Hybrid(
         assert patches is not None
         said = []
         if not case.design.rows:
-            said.append("array.rows = 0: must be 1 or more, hybrid compares rows with patches")
+            said.append("array.rows = 0: must be 1 or more; hybrid compares rows with patches")
         if patches.circuit != "short":
-            said.append(f"patches.circuit = {patches.circuit!r}: must be 'short', shaped patches are fed by voltages")
+            said.append(
+                f"patches.circuit = {patches.circuit!r}: must be 'short'; the method drives patches with voltages"
+            )
         if not driven_inside(case).any():
-            said.append("patches.centres_mm: no driving patch stands inside the zone, at least one must")
+            said.append("patches.centres_mm: no driving patch lies inside the zone; place at least one there")
         elif len(patches.drivers) < 2:
-            said.append("patches: one drives, shaping takes two or more")
+            said.append("patches: only one drives; the comparison needs two or more")
         if said:
             raise InputError(f"{case.source or case.name}: {text}" for text in said)
 
     def plan(self, case: Case) -> Plan:
-        """Plan four plates: as it is, without rows, and with the pillars off by 2 % both ways."""
+        """Plan four plates: nominal, without rows, and with the pillars detuned by 2 % both ways."""
         from dataclasses import replace
 
         step = plans.response_step(case, hz(self.band_kHz), self.points)
@@ -242,13 +246,13 @@ class Hybrid(
         demand = step.demand
         for _ in range(3):
             demand = demand.then(step.demand)
-        plates = "four plates: as it is, without rows, pillars detuned twice"
+        plates = "four plates: nominal, without rows, pillars detuned both ways"
         looks = f"{self.points} frequencies, {case.patches.count} patches; {plates}"
         about = {"measure": self.name, "name": "rows and patches together", "looks_for": looks, "demand": demand}
         return plans.plan_of(case, replace(step, **about))  # type: ignore[arg-type]
 
     def compute(self, case: Case, plan: Plan, run: Run) -> HybridResult:
-        """Drive the four plates and compare."""
+        """Drive the four plates and compare them."""
         from pipeline.models.hybrid import DETUNING, driven_inside, solve
 
         forced = run.solved.get("forced")
@@ -265,7 +269,7 @@ class Hybrid(
 
 
 def _method(name: str, figures: FloatArray, bars: FloatArray) -> HybridMethod:
-    """Return a method from its figures and their bars, (4, frequencies) each."""
+    """Build a method from its figures and their error bars, (4, frequencies) each."""
     level, volts, off, rows_off = figures
     errors = dict(
         zip(("confinement_error_db", "volts_error_per_um", "off_error_db", "rows_off_error_db"), bars, strict=True)

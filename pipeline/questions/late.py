@@ -1,4 +1,4 @@
-"""Names of questions that are loaded late, modules at their first use, types by type checkers alone: help stays quick."""
+"""Lazy imports for questions: modules load at first use, types only for type checkers, so that help stays quick."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 else:
 
     class _Late:
-        """A module by its name, loaded when something of it is asked for."""
+        """Module that loads when one of its attributes is first used."""
 
         def __init__(self, name: str) -> None:
             self._name = name

@@ -1,4 +1,4 @@
-"""What the explorer answers of a design, in tenths of a second once the bases of its materials are made."""
+"""The explorer's answer for a design, in tenths of a second once its materials' reduced bases are cached."""
 
 from __future__ import annotations
 
@@ -17,33 +17,38 @@ RENAMED = {"zone_to_extension_db": "extension_db", "zone_to_extension_error_db":
 
 
 class LiveResult(Result, axes=()):
-    """The explorer's answer: the target mode of a column of cells, the widest complete gap, the decay per row at that mode."""
+    """Answer of the explorer: target mode of a column of cells, widest complete gap, attenuation per row there."""
 
     frequency_hz: float | None = column(
         "frequency of the column's target mode", "Hz", error="frequency_error", default=None
     )
-    frequency_error: float | None = column("what a column may be off by, and its cells' mesh, relative", default=None)
+    frequency_error: float | None = column(
+        "relative error bar: approximation by a column, and its cells' mesh", default=None
+    )
     confinement_db: float | None = column(
         "confinement of the column's target mode", "dB", error="confinement_error_db", default=None
     )
-    confinement_error_db: float | None = column("what a column's confinement may be off by", "dB", default=None)
+    confinement_error_db: float | None = column("error bar: approximation by a column", "dB", default=None)
     zone_to_extension_db: float | None = column(
-        "the column's rms on the zone over that beyond the rows", "dB", error="zone_to_extension_error_db", default=None
+        "rms on the zone of the column relative to that beyond the rows",
+        "dB",
+        error="zone_to_extension_error_db",
+        default=None,
     )
     zone_to_extension_error_db: float | None = bar("zone_to_extension_db", "dB")
     mac: float | None = column("modal assurance criterion with the target shape", default=None)
     gap_hz: list[float] | None = column("both edges of the widest complete gap", "Hz", error="gap_error", table=False)
     gap_error: float | None = column(
-        "half-width of the bar at the gap's edges, relative; None where the mesh's error was not measured"
+        "relative error bar of the gap's edges (half-width); None without an estimate for the mesh"
     )
-    db_per_row: float | None = column("decay per row at the target mode", "dB", error="db_error")
+    db_per_row: float | None = column("attenuation per row at the target mode", "dB", error="db_error")
     db_error: float | None = column(
-        "what the mode may be off by in frequency changes its decay per row by; None without a decay",
+        "change of the attenuation per row within the error bar of the mode's frequency; None without an attenuation",
         "dB",
         default=None,
     )
     why_not: str = column("why the column has no target mode", default="")
-    warnings: list[str] = column("what a column cannot tell of this design")
+    warnings: list[str] = column("reasons why a column does not represent this design")
 
     live_target_hz = figure_at("frequency_hz", "target mode, live", "Hz")
     live_error = figure_at("frequency_error", "its expected error, live", "%")
@@ -51,11 +56,11 @@ class LiveResult(Result, axes=()):
     live_confinement_error_db = figure_at(
         "confinement_error_db", "its expected error, live", "dB", error="confinement_error_db"
     )
-    live_db_per_row = figure_at("db_per_row", "decay per row, live", "dB")
+    live_db_per_row = figure_at("db_per_row", "attenuation per row, live", "dB")
 
     @classmethod
     def of_answer(cls, answer: Mapping[str, Any]) -> Self:
-        """Return the figures of the document that the explorer's page shows."""
+        """Return the figures of the explorer's document."""
         plate = answer["plate"]
         widest = max(answer["bands"]["gaps"], key=lambda gap: gap["upper_hz"] - gap["lower_hz"], default=None)
         known = {name: plate[RENAMED.get(name, name)] for name in cls.declared if RENAMED.get(name, name) in plate}
@@ -70,16 +75,16 @@ class LiveResult(Result, axes=()):
         )
 
     def lines(self) -> Iterator[str]:
-        """Yield the column's target mode, or why there is none."""
+        """Yield the column's target mode, or the reason why there is none."""
         if self.frequency_hz is None:
             yield f"no target mode in a column of cells: {self.why_not}"
             return
         level = level_with_bar(self.confinement_db, self.confinement_error_db)
-        yield f"a column of cells has its target mode at {frequency(self.frequency_hz, self.frequency_error)}, {level}"
+        yield f"target mode of a column of cells: {frequency(self.frequency_hz, self.frequency_error)}, {level}"
 
 
 def _decay(rows: Mapping[str, Any], at_hz: float | None, error: float | None) -> tuple[float | None, float | None]:
-    """Return the decay per row at a frequency, and how far it goes within the frequency's bar, dB."""
+    """Return the attenuation per row at a frequency and its change within the error bar of the frequency, dB."""
     known = [(hz, db) for hz, db in zip(rows["frequency_hz"], rows["db_per_row"], strict=True) if db is not None]
     if not at_hz or not known:
         return None, None
@@ -94,9 +99,9 @@ def _decay(rows: Mapping[str, Any], at_hz: float | None, error: float | None) ->
 
 
 class Live(Question[LiveResult], in_studies_only=True):
-    """Answer from the explorer's bases, which stand for a plate by one column of its cells."""
+    """Answer from the explorer's reduced bases, which represent a plate by one column of its cells."""
 
-    step = ("the explorer's answer", "parametric cell, and a column of such cells")
+    step = ("answer of the explorer", "parametric cell, and a column of such cells")
 
     @classmethod
     def spared(cls, case: Case) -> simplifications.Simplification | None:
@@ -112,12 +117,12 @@ class Live(Question[LiveResult], in_studies_only=True):
         return simplifications.Simplification("no_live", "live", lacking) if lacking else None
 
     def compute(self, case: Case, plan: Plan, run: Run) -> LiveResult:
-        """Answer from the bases, which are made once a pair of materials."""
+        """Answer from the reduced bases, which are computed once per pair of materials."""
         from pipeline.explore.answer import Explorer, Scene
         from pipeline.models.parametric import cell_model
 
         explorer = Explorer(Scene(case, {}, ()), cell_model(case, run.log))
-        with run.step("answer from the bases"):
+        with run.step("answer from the reduced bases"):
             live = LiveResult.of_answer(explorer.document(case, {}))
         for text in (*live.warnings, *([live.why_not] if live.why_not else [])):
             run.log.warning("LIVE", text)

@@ -1,4 +1,4 @@
-"""Modes of the plate, of the bare zone, of the lone pillar, or of a mesh of one's own, and the target mode among them."""
+"""Modes of the plate, the isolated zone, the isolated pillar or a user's mesh, and the target mode among them."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ Class = Literal["SS", "SA", "AS", "AA"]
 NEEDED = {"plate": ("plate", "zone"), "zone": ("plate", "zone"), "pillar": ("pillar",)}
 BAND = "every mode between two frequencies"
 NEAR = "modes nearest to a frequency"
-SHAPES = 4  # of the modes nearest the target mode, in a record: what a page draws and moves
-COUNT = "how many, nearest to that frequency or the lowest"
+SHAPES = 4  # modes nearest the target mode in a record, which a page draws and animates
+COUNT = "number of modes, nearest to --near or the lowest"
 
 
 class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
-    """Modes in ascending order, proven complete by a count; a sequence of modes, arrays of shape (modes,).
+    """Modes in ascending order, proven complete by an inertia count; a sequence of modes, arrays of shape (modes,).
 
     >>> import antinode
     >>> pillar = antinode.load("examples/small.toml", accuracy=0.02).modes(part="pillar", count=2)
@@ -53,23 +53,23 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     model: str = column("model of the part and its element order, such as superelement hex3")
     part: str = column("plate, zone, pillar, or mesh for a mesh file")
     dof: int = column("degrees of freedom that were solved for")
-    rigid_count: int = column("rigid-body modes, which are counted and not listed")
+    rigid_count: int = column("number of rigid-body modes, which are not listed")
     modes: list[ModeRecord] = column("the modes")
-    count_check: CountRecord = column("the count by inertia beside what was found")
+    count_check: CountRecord = column("inertia count compared with the number of modes found")
     target: TargetMode | TargetRecord | None = column(
-        "the target mode; None for a part or symmetry class that has none", default=None
+        "target mode; None for a part or symmetry class that has none", default=None
     )
     reduction_error: float | None = column(
-        "largest error by the reduction, relative; None for a body that was not reduced", default=None
+        "largest truncation error, relative; None for a body that was not reduced", default=None
     )
     expected_error: float | None = column(
-        "widest error bar by the mesh alone, relative; None without an estimate", default=None
+        "largest discretisation error bar, relative; None without an estimate", default=None
     )
     error_bar: dict[str, float | None] | None = column(
-        "half-widths of the target mode's bars: frequency, relative, and confinement_db", default=None
+        "error bars of the target mode (half-widths): frequency, relative, and confinement_db", default=None
     )
     widest_bar: dict[str, Any] | None = column(
-        "widest error bar of a frequency: error (relative), of (which mode), parts (mesh, truncation) and largest_part",
+        "largest error bar of a frequency: error (relative), of (which mode), parts (mesh, truncation), largest_part",
         default=None,
     )
     solved: Any = live()
@@ -82,28 +82,28 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     confinement_error_db = figure_at(
         "found.confinement_error_db", "expected error of the confinement", "dB", error="found.confinement_error_db"
     )
-    zone_to_extension_db = figure_at("found.extension_db", "zone to extension", "dB")
+    zone_to_extension_db = figure_at("found.extension_db", "zone to margin", "dB")
     mac = figure_at("found.mac", "MAC")
-    zone_share = figure_at("found.zone_share", "zone share")
-    pillar_share = figure_at("found.pillar_energy_share", "pillars' share of energy")
-    strength = figure_at("found.strength", "strength in the target shape")
-    shape_share = figure_at("found.share", "share of the target shape")
+    zone_share = figure_at("found.zone_share", "zone fraction")
+    pillar_share = figure_at("found.pillar_energy_share", "fraction of energy in the pillars")
+    strength = figure_at("found.strength", "effective-mass fraction in the target shape")
+    shape_share = figure_at("found.share", "fraction of the target shape")
 
-    @figure("other modes that carry it", None)
+    @figure("other modes with the target shape", None)
     def rivals(self) -> str | None:
-        """Frequencies of other modes that carry as much of the target shape."""
+        """Frequencies of other modes with as large a part of the target shape."""
         known = self.found.rivals if self.found else []
         return "; ".join(f"{frequency_figure(each.frequency_hz, each.error, HZ)} Hz" for each in known) or None
 
-    @figure("count check", None, name="count_check")
+    @figure("inertia count", None, name="count_check")
     def counted(self) -> str:
-        """Whether the count by inertia holds."""
+        """Whether the inertia count agrees with the modes found."""
         check = self.count_check
         return "holds" if check.holds else f"{check.found} of {check.expected}"
 
     @property
     def found(self) -> TargetMode | None:
-        """The target mode; None where there is none or none was looked for."""
+        """Target mode; None if there is none or the question does not look for one."""
         return self.target if isinstance(self.target, TargetMode) else None
 
     @classmethod
@@ -145,17 +145,17 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return True  # an answer, whether a mode was found or not
 
     frequency_hz = stacked("frequency_hz", "Frequencies (modes,) in Hz.")
-    error = stacked("error", "Half-width of each frequency's error bar (modes,), relative; NaN without an estimate.")
+    error = stacked("error", "Relative error bar of each frequency (modes,), half-width; NaN without an estimate.")
 
     def to_pyvista(self, mode: int | ModeRecord | None = None) -> Any:
-        """Return the closed surface of a mode, by its index from 0 or itself; None: of the target mode.
+        """Return the closed surface of a mode, given by its index from 0 or itself; None means the target mode.
 
         Raises ValueError where no mode is the target mode, and for modes that were read from a file.
         """
         if mode is None:
             at = self.target.index if self.target else None
             if at is None:
-                raise ValueError("none of these modes is the target mode: name a mode by its number")
+                raise ValueError("none of these modes is the target mode: give the number of a mode")
             mode = at
         return (self.modes[mode] if isinstance(mode, int) else mode).to_pyvista()
 
@@ -167,14 +167,14 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return [place for place, mode in enumerate(self.modes) if at is not None and mode.frequency_hz == at]
 
     def _read(self) -> tuple[list[str], list[list[Any]]]:
-        """Return the head and the rows that people read."""
+        """Return the head and the rows of the printed table."""
         unread = ("mode", "parity", "computed_hz")
         rows = [{key: value for key, value in row.items() if key not in unread} for row in self.to_rows()]
         head = tuple(rows[0]) if rows else ("frequency_hz", "error", "symmetry")
         return outputs.filled(head, [[*row.values()] for row in rows])
 
     def lines(self) -> Iterator[str]:
-        """Yield the model, the modes with the target mode marked, the widest error bar, the target mode and the count."""
+        """Yield the model, the modes with the target mode marked, the largest error bar, target mode and count."""
         from pipeline.models.modes import target_lines
         from pipeline.planning.refinement import WidestBar
 
@@ -187,7 +187,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             yield from target_lines(self.solved, self.case.design)
 
     def draw(self, ax: Axes) -> None:
-        """Draw the confinement of each mode over its frequency, the target mode marked; without one, frequencies alone."""
+        """Draw the confinement of each mode over frequency, target mode marked; without one, only frequencies."""
         khz, level = self.frequency_hz / KHZ, self.array("confinement_db")
         if not np.isfinite(level).any():
             ax.plot(np.arange(1, len(khz) + 1), khz, "o", color=style.BLUE, ms=4)
@@ -232,7 +232,7 @@ class Modes(
     """
 
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help=BAND)
-    part: Part = option(default="plate", kw_only=False, help="which part")
+    part: Part = option(default="plate", kw_only=False, help="part to solve")
     near_kHz: float | None = option(default=None, unit="kHz", at_least=0.0, help=NEAR)
     count: int | None = option(default=None, at_least=1, at_most=MAX_MODES, help=COUNT)
     symmetry: Class | None = option(
@@ -241,7 +241,7 @@ class Modes(
     )
 
     def check(self, case: Case) -> None:
-        """Raise InputError for a case that lacks the part, and for a band beside a frequency."""
+        """Raise InputError for a case that lacks the part, and for a band together with a frequency."""
         _check_window(self.near_kHz, self.band_kHz)
         if self.part == "plate":
             case.require_plate(command="modes --part plate")
@@ -250,11 +250,11 @@ class Modes(
 
     @classmethod
     def in_study(cls) -> Modes:
-        """Return the question with the target mode's window in the case's own."""
+        """Return the question with the window of the target mode within that of the case."""
         return _InStudies()
 
     def request(self, case: Case) -> Request:
-        """Return what is asked for, in Hz."""
+        """Return the requested window in Hz."""
         return _request(self.part, self.band_kHz, self.near_kHz, self.count, self.symmetry)
 
     def plan(self, case: Case) -> Plan:
@@ -275,10 +275,10 @@ class Modes(
 
 
 class _InStudies(Modes):
-    """The plate's modes in the case's window and the target mode's in one, all of the target mode's class."""
+    """Modes of the plate in the case's window and in that of the target mode, in its symmetry class."""
 
     def request(self, case: Case) -> Request:
-        """Return what is asked for, in Hz."""
+        """Return the requested window in Hz."""
         from pipeline.planning.model_choice import of_case
 
         return of_case(case)
@@ -287,7 +287,7 @@ class _InStudies(Modes):
         return plans.plan_of(case, plans.modes_step(case, self.request(case)))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
-        """Compute the modes and keep what other questions go on from."""
+        """Compute the modes and keep the data that other questions use."""
         from pipeline.models.modes import solve_modes
         from pipeline.models.target import warn_of_target
 
@@ -300,16 +300,16 @@ class _InStudies(Modes):
 
 
 class ShapesResult(Result, axes=("shape",)):
-    """Shapes of the modes that carry most of the target mode: coefficients of u_z on the active face."""
+    """Shapes of the modes closest to the target shape: coefficients of u_z on the active face."""
 
     target: int = column("row of the target mode", table=False)
     frequency_hz: list[float] = column("frequency", "Hz", along="shape")
-    share: list[float] = column("share of the motion on the active face", along="shape")
+    share: list[float] = column("fraction of the motion on the active face", along="shape")
     coefficients: list[list[float]] = column("coefficients of u_z", along=("shape", "function"))
 
 
 class Shapes(Question[ShapesResult], follows="modes"):
-    """Keep the shapes of the modes nearest the target mode, its mode table and, on demand, every mode's field."""
+    """Keep the shapes of the modes nearest the target mode, its mode table and, on demand, the field of every mode."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ShapesResult:
         """Describe the shapes; write mode_table.bin, mode_table.h and fields.npz into the case's folder."""
@@ -320,7 +320,7 @@ class Shapes(Question[ShapesResult], follows="modes"):
         solved: PartModes = run.solved["modes"]
         assert run.folder
         if run.all_fields:
-            with run.step("fields in full"):
+            with run.step("fields of all modes"):
                 store.save_arrays(run.folder, mode_fields.full_fields(solved), store.FIELDS)
         index = solved.index(solved.target_row)
         if index is None:
@@ -335,7 +335,7 @@ class Shapes(Question[ShapesResult], follows="modes"):
 
 
 class ZoneModes(Question[ModesResult], in_studies_only=True, aliases=("parts",)):
-    """Compute the modes of the bare zone, as the pre-design sees it."""
+    """Compute the modes of the isolated zone, to compare with the pre-design."""
 
     asked: ClassVar[dict[str, Any]] = {"part": "zone"}
 
@@ -351,7 +351,7 @@ class ZoneModes(Question[ModesResult], in_studies_only=True, aliases=("parts",))
 
 
 class PillarModes(ZoneModes, Question[ModesResult]):
-    """Compute the modes of the lone pillar, as the pre-design sees it."""
+    """Compute the modes of the isolated pillar, to compare with the pre-design."""
 
     asked: ClassVar[dict[str, Any]] = {"part": "pillar", "near_kHz": 0.0, "count": 4}
 
@@ -364,9 +364,9 @@ class PillarModes(ZoneModes, Question[ModesResult]):
 
 
 class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
-    """Compute the modes of a mesh of one's own with the case's material.
+    """Compute the modes of your own mesh with the material of the case.
 
-    The mesh is solved whole as it is, in Hz and dB; a group TOUCH is the face that is measured.
+    The mesh is solved whole and unchanged, in Hz and dB; the group TOUCH, if present, is the face that is evaluated.
 
     >>> import antinode, meshio, tempfile
     >>> file, side = f"{tempfile.mkdtemp()}/block.inp", 0.01
@@ -377,7 +377,7 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
     """
 
     mesh_file: str = option(
-        default="", kw_only=False, metavar="FILE", help="solve this mesh instead of a part: .med, .msh or .inp"
+        default="", kw_only=False, metavar="FILE", help="mesh to solve instead of a part: .med, .msh or .inp"
     )
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, help=BAND)
     near_kHz: float | None = option(default=None, unit="kHz", at_least=0.0, help=NEAR)
@@ -385,18 +385,16 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
     unit: Literal["m", "mm"] | None = option(default=None, help="length unit of the mesh file (default: m)")
     merge: float | None = option(
         default=None, at_least=0.0, metavar="D",
-        help="make one node of nodes closer than this, in the file's unit (0: leave bodies that touch apart)",
+        help="merge nodes closer than this, in the unit of the file (0: keep touching bodies separate)",
     )  # fmt: skip
-    clamp: tuple[str, ...] = option(
-        default=(), metavar="NAME", help="fix this group of faces or nodes of the mesh file"
-    )
+    clamp: tuple[str, ...] = option(default=(), metavar="NAME", help="group of faces or nodes of the mesh file to fix")
     support: tuple[str, ...] = option(
         default=(), metavar="NAME:AXES",
-        help="support such a group along some axes only, as on a mirror plane: RIM:z, CUT:x",
+        help="group to fix along some axes only, as on a mirror plane: RIM:z, CUT:x",
     )  # fmt: skip
 
     def check(self, case: Case) -> None:
-        """Raise InputError for a band beside a frequency, and for a file that is not there."""
+        """Raise InputError for a band together with a frequency, and for a missing file."""
         from pipeline.case.reading import nearest_file
 
         _check_window(self.near_kHz, self.band_kHz)
@@ -404,7 +402,7 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
             raise InputError(f"{self.mesh_file}: no such mesh file{nearest_file(Path(self.mesh_file).absolute())}")
 
     def plan(self, case: Case) -> Plan:
-        why = ("a mesh of one's own is solved whole as it is",)
+        why = ("your own mesh is solved whole and unchanged",)
         return plans.plan_of(case, plans.Step(self.name, "modes of the mesh", "solid", self.mesh_file, (), "", why))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
@@ -417,7 +415,7 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
 
 def _check_window(near_kHz: float | None, band_kHz: Pair | None) -> None:
     if near_kHz is not None and band_kHz is not None:
-        without = "must be left out beside --band, which asks for every mode between its ends"
+        without = "cannot be combined with --band, which returns every mode between its ends: remove one of them"
         raise InputError(f"--near = {near_kHz:g}kHz: {without}")
 
 

@@ -1,4 +1,4 @@
-"""Analytic sizing of zone and pillar by plate and beam theory, and how far the theories can be trusted."""
+"""Analytic sizing of zone and pillar by plate and beam theory, with the expected errors of the theories."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from geometry.layout import Design
     from solvers.analytic.predesign import PillarSize, ZoneSize
 
-THEORIES = {  # what the result and what the calibration call them
+THEORIES = {  # names in the result, and in the calibration
     "zone": {"thin_clamped_hz": "thin_clamped_hz", "clamped_hz": "clamped_hz"},
     "pillar": {"given_euler_hz": "euler", "given_timoshenko_hz": "timoshenko"},
 }
-TUNED = 0.005  # of the zone's frequency: a pillar no farther off needs no other height
+TUNED = 0.005  # relative to the zone's frequency: a pillar within this distance needs no other height
 EXPECTED = (
     "expected error of each frequency compared with a solid with clamped faces, relative; None without a calibration"
 )
@@ -30,9 +30,9 @@ class ZoneSizes(Part):
 
     nodal_lines: int = column("nodal lines along x of the mode")
     frequency_hz: float = column("exact thin plate with pinned sides (Levy)", "Hz")
-    half_wavelength_mm: float | None = column("half a wavelength along the zone", "mm")
+    half_wavelength_mm: float | None = column("half-wavelength along the zone", "mm")
     formula_hz: float = column("free-free beam function between pinned sides", "Hz")
-    node_spacing_mm: float | None = column("distance of two nodal lines in the zone's middle", "mm")
+    node_spacing_mm: float | None = column("distance between two nodal lines at the centre of the zone", "mm")
     pinned_hz: float | None = column("plate with shear (Mindlin) and pinned sides", "Hz")
     thin_clamped_hz: float | None = column("thin plate (Kirchhoff) with clamped sides", "Hz")
     clamped_hz: float | None = column("plate with shear (Mindlin) and clamped sides", "Hz")
@@ -40,20 +40,20 @@ class ZoneSizes(Part):
 
 
 class PillarSizes(Part):
-    """The pillar whose first bending on its clamped foot meets the zone's frequency, and the case's own pillar."""
+    """The pillar whose first clamped bending mode matches the zone's frequency, and the pillar of the case."""
 
-    height_mm: float = column("height that meets the zone's frequency by Euler-Bernoulli's theory", "mm")
-    frequency_hz: float = column("frequency that it meets", "Hz")
-    timoshenko_height_mm: float = column("height that meets it by Timoshenko's theory", "mm")
+    height_mm: float = column("height that matches the zone's frequency by Euler-Bernoulli theory", "mm")
+    frequency_hz: float = column("frequency to match", "Hz")
+    timoshenko_height_mm: float = column("height that matches it by Timoshenko theory", "mm")
     given_height_mm: float = column("height of the case's pillar", "mm")
-    given_euler_hz: float = column("first bending of the case's pillar by Euler-Bernoulli's theory", "Hz")
-    given_timoshenko_hz: float = column("first bending of the case's pillar by Timoshenko's theory", "Hz")
-    given_second_hz: float = column("second bending of the case's pillar by Timoshenko's theory", "Hz")
+    given_euler_hz: float = column("first bending of the case's pillar by Euler-Bernoulli theory", "Hz")
+    given_timoshenko_hz: float = column("first bending of the case's pillar by Timoshenko theory", "Hz")
+    given_second_hz: float = column("second bending of the case's pillar by Timoshenko theory", "Hz")
     expected_error: dict[str, float | None] = column(EXPECTED, default_factory=dict)
 
 
 class PredesignResult(Result, axes=("part", "quantity")):
-    """Analytic sizing of zone and pillar: frequencies in Hz, lengths in mm; the main table has a row a quantity.
+    """Analytic sizing of zone and pillar: frequencies in Hz, lengths in mm; the main table has one row per quantity.
 
     >>> import antinode
     >>> sizes = antinode.load("examples/small.toml").predesign()
@@ -63,17 +63,17 @@ class PredesignResult(Result, axes=("part", "quantity")):
 
     zone: ZoneSizes | None = column("the zone; None without one")
     pillar: PillarSizes | None = column("the pillar; None without one")
-    limits: list[str] = column("what limits the worth of these figures, in words")
+    limits: list[str] = column("limits of these figures, in words")
 
     @property
     def zone_hz(self) -> float:
-        """Frequency of the target mode of the bare zone, Hz."""
+        """Frequency of the target mode of the isolated zone, Hz."""
         assert self.zone
         return self.zone.frequency_hz
 
     @property
     def half_wavelength_mm(self) -> float | None:
-        """Half a wavelength along the zone, mm."""
+        """Half-wavelength along the zone, mm."""
         return self.zone.half_wavelength_mm if self.zone else None
 
     @property
@@ -87,7 +87,7 @@ class PredesignResult(Result, axes=("part", "quantity")):
         return {name: part.values() for name, part in parts.items() if part}
 
     def to_rows(self) -> list[dict[str, Any]]:
-        """Return one row a quantity of zone and pillar, then the expected error of each theory's frequency."""
+        """Return one row per quantity of zone and pillar, then the expected error of each theory's frequency."""
         rows = []
         for part, sizes in self._sizes.items():
             errors = {f"{name}_error": error for name, error in sizes.pop("expected_error").items()}
@@ -95,7 +95,7 @@ class PredesignResult(Result, axes=("part", "quantity")):
         return rows
 
     def lines(self) -> Iterator[str]:
-        """Yield what is proposed and given, how the given pillar stands to the zone, and what the theories may be off by."""
+        """Yield proposed and given sizes, the given pillar relative to the zone, and the theories' expected errors."""
         rows = [[*row.values()] for row in self.to_rows() if not row["quantity"].endswith("_error")]
         yield outputs.reading_table(("part", "quantity", "value"), rows)
         yield from self._tuning()
@@ -106,22 +106,22 @@ class PredesignResult(Result, axes=("part", "quantity")):
             ]
             unknown = [outputs.named(name)[0] for name, error in errors.items() if error is None]
             if known:
-                yield f"{part}, expected error compared with a solid with clamped faces: {', '.join(known)}"
+                yield f"{part}, expected error relative to a solid with clamped faces: {', '.join(known)}"
             if unknown:
-                yield f"{part}, theory without an error estimate: {', '.join(unknown)}"
+                yield f"{part}, no error estimate for: {', '.join(unknown)}"
         yield from (f"note: {text}" for text in self.limits)
 
     def _tuning(self) -> Iterator[str]:
-        """Yield how the case's pillar stands to the zone."""
+        """Yield the case's pillar compared with the zone."""
         if not self.zone or not self.pillar:
             return
         target, given = self.zone.frequency_hz, self.pillar.given_timoshenko_hz
         known = self.pillar.expected_error.get("given_timoshenko_hz")
         off = given / target - 1.0
         apart = f"{percentage(abs(off), known)} {'above' if off > 0.0 else 'below'} the zone's {frequency(target)}"
-        better = f"; {figure(self.pillar.timoshenko_height_mm)} mm of height would meet it"
-        where = apart + better if abs(off) >= TUNED else "where the zone does"
-        yield f"the pillar as given resonates at {frequency(given, known)}, {where}"
+        better = f"; a height of {figure(self.pillar.timoshenko_height_mm)} mm would match it"
+        where = apart + better if abs(off) >= TUNED else "like the zone"
+        yield f"the pillar of this case resonates at {frequency(given, known)}, {where}"
 
     def draw(self, ax: Axes) -> None:
         """Draw the frequencies of zone and pillar by each theory."""
@@ -156,7 +156,7 @@ class Predesign(Question[PredesignResult], needs=("plate", "zone"), is_quick=Tru
 
 
 def sized(design: Design) -> PredesignResult:
-    """Return the analytic sizes of a design, each theory with its expected error."""
+    """Size a design analytically, each theory with its expected error."""
     from solvers.analytic.predesign import predesign
 
     known = predesign(design)

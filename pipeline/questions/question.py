@@ -1,7 +1,7 @@
-"""Questions that can be asked of a case: one file each, with options, plan, computation and one result.
+"""Questions that a case can answer: one file each, with options, plan, computation and one result.
 
 A question declares its options (`option`) and what it computes (`pipeline.questions.result`). Its command, its method of a
-plate, its measure in studies and its page of the reference follow from that (`command`, `method`, `study`).
+plate, its measure in studies and its reference page follow from that (`command`, `method`, `study`).
 Only the standard library is imported here and at the head of a question's file, so that `antinode --help` stays quick; `late`
 holds the modules that most of them compute and draw with.
 """
@@ -53,10 +53,10 @@ KINDS: dict[Any, str] = {
     bool: "True or False",
     str: "a text",
 }
-NO_PLAN: Any = None  # of a question that is answered at once
+NO_PLAN: Any = None  # of a question answered by a formula
 QUESTIONS: dict[str, type[Question[Any]]] = {}
-VARIANTS: dict[str, type[Question[Any]]] = {}  # asked in the place of another, whose command they share
-IN_STUDIES: dict[str, type[Question[Any]]] = {}  # asked by studies alone: no command and no method
+VARIANTS: dict[str, type[Question[Any]]] = {}  # replace another question, whose command they share
+IN_STUDIES: dict[str, type[Question[Any]]] = {}  # asked only by studies: no command and no method
 
 
 # -- declarations ------------------------------------------------------------------------------------------------------
@@ -64,18 +64,18 @@ IN_STUDIES: dict[str, type[Question[Any]]] = {}  # asked by studies alone: no co
 
 @dataclass(frozen=True)
 class Option:
-    """What an option means and its limits; name, type and default are those of the field that it is declared for."""
+    """Meaning and limits of an option; name, type and default are those of its field."""
 
     help: str  # in the help of the command, the method and the reference
-    unit: str = ""  # in which its name ends (`band_kHz`); its flag on the command line does not (`--band`)
+    unit: str = ""  # with which its name ends (`band_kHz`), unlike its flag on the command line (`--band`)
     at_least: float = -inf  # of the number, or of each end of a band
     at_most: float = inf
-    metavar: str = ""  # what stands for its value in the help of the command
-    or_infinite: bool = False  # whether the number may be infinite, too
-    flag: str = ""  # its name there, where that is not its own
+    metavar: str = ""  # placeholder for its value in the help of the command
+    or_infinite: bool = False  # whether the number may also be infinite
+    flag: str = ""  # its name there, if different
 
     def fault(self, value: Any) -> str:
-        """Return what a value of this option must be, or '' for a good one."""
+        """Return the requirement that a value violates, or '' for a valid one."""
         several = isinstance(value, tuple)
         numbers = [each for each in (value if several else (value,)) if isinstance(each, int | float)]
         if self.or_infinite:
@@ -106,7 +106,7 @@ def option(
     flag: str = "",
     kw_only: bool = True,
 ) -> Any:
-    """Declare an option of a question, by the words of `Option`; kw_only: False where the method takes it by position, too."""
+    """Declare an option of a question with the fields of `Option`; kw_only=False if it may be positional."""
     about = Option(help, unit, at_least, at_most, metavar, or_infinite, flag)
     return field(default=default, kw_only=kw_only, metadata={ABOUT: about})
 
@@ -116,25 +116,25 @@ def option(
 
 @dataclass
 class Run:
-    """What a computation uses of its surroundings: a log, and what several questions of one case share."""
+    """Context of a computation: a log, and data that several questions of one case share."""
 
     log: Log
     _: KW_ONLY
-    # whether someone keeps the answer; else it is only printed, and costly details may be left out
+    # whether the answer is stored; otherwise it is only printed, and costly details may be skipped
     detailed: bool = True
-    shapes: bool = False  # whether a page will show moving shapes
-    folder: Path | None = None  # where files beside the answer go
-    all_fields: bool = False  # whether every mode's field goes there
+    shapes: bool = False  # whether a page will animate the shapes
+    folder: Path | None = None  # folder for files that accompany the answer
+    all_fields: bool = False  # whether the field of every mode goes there
     asked_by: str = ""  # the command line
     warnings: list[str] = field(default_factory=list)
     meshes: list[MeshRecord] = field(default_factory=list)
-    arrays: dict[str, Any] = field(default_factory=dict)  # that are kept beside the record
-    solved: dict[str, Any] = field(default_factory=dict)  # by one question, for another of the same case to go on from
-    found: dict[str, Any] = field(default_factory=dict)  # the answers and parts of the record so far
+    arrays: dict[str, Any] = field(default_factory=dict)  # arrays stored with the record
+    solved: dict[str, Any] = field(default_factory=dict)  # left by one question for a later one of the same case
+    found: dict[str, Any] = field(default_factory=dict)  # answers and parts of the record so far
 
     @property
     def target(self) -> TargetMode | None:
-        """The target mode, where the plate's modes were asked before and there is one."""
+        """Target mode, if the plate's modes were computed before and contain one."""
         modes = self.found.get("modes")
         return modes.target if modes and modes.target and modes.target.is_found else None
 
@@ -148,7 +148,7 @@ class Run:
             self.info(line)
 
     def left_out(self, what: str, why: str) -> None:
-        """Log what the case does not need."""
+        """Log a simplification and its reason."""
         self.log.left_out(what, why)
 
     def warning(self, id: str, text: str) -> None:
@@ -162,7 +162,7 @@ class Run:
 
 
 class Unanswered(Exception):
-    """A question has no answer here: the case lacks what it is about, or this machine what it takes. Nothing is wrong."""
+    """A question does not apply: the case lacks its subject, or this machine lacks the tools. Not an error."""
 
 
 # -- questions ---------------------------------------------------------------------------------------------------------
@@ -170,7 +170,7 @@ class Unanswered(Exception):
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option, field))
 class Declared:
-    """Makes a frozen dataclass of each question, and of options that some share; for type checkers, too."""
+    """Make a frozen dataclass of each question and of shared options, also for type checkers."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -180,10 +180,10 @@ class Declared:
 class Question(Declared, Generic[R]):
     """A question: options, plan and computation of one result. Its docstring is the help of command and method.
 
-    A subclass of a question asks the same in another way, such as studies do (`in_study`).
+    A subclass of a question asks it in another way, as studies do (`in_study`).
 
-    Questions are values: equal options make equal questions. progress: whether the method reports on standard error; None: in a
-    terminal or a notebook. The class variables with a default are set by class keywords of the same names.
+    Questions are values: equal options make equal questions. progress: whether the method reports on standard error;
+    None: in a terminal or a notebook. Class variables with a default are set by class keywords of the same names.
     """
 
     name: ClassVar[str]
@@ -192,27 +192,27 @@ class Question(Declared, Generic[R]):
     needs: ClassVar[Axis] = ()  # tables and keys that a case must have
     example: ClassVar[str] = ""  # a command line
     drives: ClassVar[bool] = False  # whether it drives the plate
-    of_any_zones: ClassVar[bool] = False  # whether it is asked of plates of several zones, too
-    # functions that draw a study's case from several answers, instead of the result's own
+    of_any_zones: ClassVar[bool] = False  # whether plates with several zones can answer it
+    # functions that draw a study's case from several answers, in place of the result's own
     pictures: ClassVar[Axis] = ()
-    step: ClassVar[tuple[str, str]] = ("", "")  # of a plan of one: what is computed, and by which model
-    is_quick: ClassVar[bool] = False  # whether a formula answers it: no plan is made before and no solver is loaded
-    is_measure: ClassVar[bool] = True  # whether studies ask it of each case, with its default options
-    in_studies_only: ClassVar[bool] = False  # whether no command and no method asks it
+    step: ClassVar[tuple[str, str]] = ("", "")  # for a plan of one step: what is computed, and by which model
+    is_quick: ClassVar[bool] = False  # whether a formula answers it, without a plan or a solver
+    is_measure: ClassVar[bool] = True  # whether studies ask each case, with default options
+    in_studies_only: ClassVar[bool] = False  # whether it has no command and no method
     aliases: ClassVar[Axis] = ()  # further names in study files; several questions may share one
-    follows: ClassVar[str] = ""  # another question, with which studies ask this one, too, without a step of its own
-    after: ClassVar[str] = ""  # another question that a study must ask, too, and whose answer this one goes on from
-    family: ClassVar[str] = ""  # the command that this question is a part of, such as active of `antinode active mason`
-    without_case: ClassVar[str | None] = None  # the study's case where none is given, "" for none; no study asks it
+    follows: ClassVar[str] = ""  # another question with which studies also ask this one, without a separate step
+    after: ClassVar[str] = ""  # another question that a study must also ask, and whose answer this one uses
+    family: ClassVar[str] = ""  # parent command, such as active in `antinode active mason`
+    without_case: ClassVar[str | None] = None  # the study's case if none is given, "" for none; no study asks it
     instead_of: ClassVar[str] = ""  # the question whose command asks this one
-    by: ClassVar[str | Axis] = ()  # the option with which it does, or one of several
+    by: ClassVar[str | Axis] = ()  # the option that selects it, or one of several
     progress: bool | None = field(default=None, compare=False, repr=False)
 
     def __init_subclass__(cls, **about: Any) -> None:
         known = {name: value for name, value in about.items() if name in Question.__annotations__}
         super().__init_subclass__(**{name: value for name, value in about.items() if name not in known})
         if Question not in cls.__bases__ and "instead_of" not in about:
-            return  # the same question, asked in another way
+            return  # a variant of the same question
         for name, value in known.items():
             setattr(cls, name, value)
         cls.name, cls.by = _snake_case(cls.__name__), (cls.by,) if isinstance(cls.by, str) else cls.by
@@ -235,7 +235,7 @@ class Question(Declared, Generic[R]):
             object.__setattr__(self, name, _as_kind(getattr(self, name), kind_of(type(self), name)))
 
     def _fault(self, name: str) -> str:
-        """Return what an option must be, or '' where it is so."""
+        """Return the requirement that an option violates, or ''."""
         value, kind = getattr(self, name), kind_of(type(self), name)
         if value is None:
             return "" if NoneType in get_args(_hints(type(self))[name]) else f"must be {_in_words(kind)}"
@@ -263,14 +263,14 @@ class Question(Declared, Generic[R]):
         """Return the options by name, as JSON has them."""
         return {name: plain(getattr(self, name)) for name in self.options}
 
-    # what subclasses say
+    # for subclasses to override
 
     def asked_of(self, case: Case) -> Case:
-        """Return the case that is answered: with those options that stand for keys of it."""
+        """Return the case with the options that override its keys."""
         return case
 
     def check(self, case: Case) -> None:
-        """Raise InputError for a case that cannot answer; subclasses add what `needs` cannot say."""
+        """Raise InputError for an unsuitable case; subclasses add conditions beyond `needs`."""
         command = self.instead_of or self.name
         if self.drives:
             case.require_plate(command=command, several=self.of_any_zones)
@@ -279,26 +279,26 @@ class Question(Declared, Generic[R]):
 
     @property
     def is_own(self) -> bool:
-        """Whether its kind of result is its own, not that of another question, of another part."""
+        """Whether its result class belongs to it alone, not to a question about another part."""
         return self.result.question == self.name
 
     @classmethod
     def in_study(cls) -> Self | None:
-        """Return the question as studies ask it; None where they do not."""
+        """Return the question as studies ask it; None if they do not."""
         return cls() if cls.is_measure else None
 
     @classmethod
     def inputs(cls) -> dict[str, Any]:
-        """Return what the answer depends on besides case, sources and packages."""
+        """Return further inputs of the answer, besides case, sources and packages."""
         return {}
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:
-        """Return why a study does not ask this of a case, None where it does."""
+        """Return why a study does not ask this of a case, or None if it does."""
         return None
 
     def plan(self, case: Case) -> plans.Plan:
-        """Return what `compute` will do, what it leaves out and what that takes: by default the one step named by `step`.
+        """Plan `compute`: its steps, simplifications and resources; by default the single step named by `step`.
 
         Nothing is meshed or solved.
         """
@@ -309,28 +309,28 @@ class Question(Declared, Generic[R]):
         )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> R:
-        """Return the answer, by the decisions of the plan."""
+        """Compute the answer as planned."""
         raise NotImplementedError
 
 
 def ask(case: Case | None, question: Question[R], log: Log | Run) -> R:
-    """Return the answer of a case to a question.
+    """Answer a question about a case.
 
     Parameters
     ----------
     case
-        The case; None for a question that can do without.
+        The case; None for a question that needs none.
     question
         The question with its options.
     log
-        Where progress goes; a `Run` is shared by several questions of one case.
+        Receiver of progress; a `Run` is shared by several questions of one case.
 
     Raises
     ------
     InputError
-        Where the case lacks what the question needs.
+        If the case lacks a table or key that the question needs.
     SolverError
-        Where a result could not be trusted.
+        If a result fails its own checks.
     """
     from importlib.metadata import version
 
@@ -353,7 +353,7 @@ def ask(case: Case | None, question: Question[R], log: Log | Run) -> R:
 
 
 def announce(plan: Plan, run: Run) -> None:
-    """Log what each step leaves out and takes. Raises InputError where this machine cannot hold a step."""
+    """Log the simplifications and resources of each step. Raises InputError if a step exceeds this machine's memory."""
     for step in plan.steps:
         for each in step.left_out:
             run.left_out(each.what, each.why)
@@ -382,7 +382,7 @@ def _in_words(kind: Any) -> str:
 
 
 def _as_kind(value: Any, kind: Any) -> Any:
-    """Return a value as its option's type. Raises TypeError or ValueError for one that is of another."""
+    """Convert a value to its option's type. Raises TypeError or ValueError if that is impossible."""
     if value is None or get_origin(kind) is Literal:
         return value
     if kind == tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Forced response to the patches: what the zone and the rest do per volt, what the sensors hear, and what was measured."""
+"""Forced response to the patches: motion of zone and passive face per volt, sensor signals, measured data."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from solvers.piezo.responses import Peak
 
 POINTS, SHOWN = 401, 15
-BAND = 0.1  # of a value: how far down a bar is drawn that is longer
-SHARED = 0.2  # of the quality factor that is given: a peak further off it is wider or narrower than its mode
+BAND = 0.1  # longer error bars are drawn down to this fraction of the value
+SHARED = 0.2  # relative to the given quality factor: beyond it, the peak is wider or narrower than its mode
 
 
 class PeakRecord(Part):
-    """The response at one frequency, and the quality factor read from the curve."""
+    """Response at one frequency, and the quality factor read from the curve."""
 
     frequency_hz: float = column("frequency of the peak", "Hz", error="frequency_error")
     zone_rms_m_per_V: float = column("rms of u_z on the active touch face", "m/V", error="height_error")
@@ -40,29 +40,31 @@ class PeakRecord(Part):
         "rms of u_z on the passive touch face; None without one", "m/V", error="height_error"
     )
     confinement_db: float | None = column(
-        "rms on the active touch face over that on the passive one; None without one",
+        "rms on the active touch face relative to that on the passive one; None without one",
         "dB",
         error="confinement_error_db",
     )
-    quality_factor: float | None = column("quality factor; None where it cannot be read", error="quality_error")
-    height_error: float | None = bar("both rms, relative, the damping given")
+    quality_factor: float | None = column(
+        "quality factor; None if it cannot be read from the curve", error="quality_error"
+    )
+    height_error: float | None = bar("both rms, relative, for the given damping")
     frequency_error: float | None = bar("frequency_hz, relative: mesh, reduction and bonding together")
     quality_error: float | None = bar("quality_factor")
     confinement_error_db: float | None = bar("confinement_db", "dB")
 
     @property
     def zone_nm_per_V(self) -> float:
-        """The zone's rms in nm/V."""
+        """Rms on the zone in nm/V."""
         return self.zone_rms_m_per_V / NM
 
     @property
     def zone_error_nm_per_V(self) -> float | None:
-        """Half-width of its bar."""
+        """Error bar of zone_nm_per_V (half-width)."""
         return None if self.height_error is None else self.height_error * self.zone_nm_per_V
 
     @property
     def tone(self) -> str:
-        """The frequency in words."""
+        """Frequency in words."""
         return frequency(self.frequency_hz, self.frequency_error)
 
     def line(self, name: str) -> str:
@@ -71,8 +73,8 @@ class PeakRecord(Part):
         if self.confinement_db is not None:
             level_text = f", {level_with_bar(self.confinement_db, self.confinement_error_db)} above the passive face"
         known = frequency_with_bar(self.frequency_hz, self.frequency_error)
-        tone = known if self.frequency_error is not None else f"{known} (error not known)"
-        bar = "error not known" if self.height_error is None else "the damping given"
+        tone = known if self.frequency_error is not None else f"{known} (no error estimate)"
+        bar = "no error estimate" if self.height_error is None else "for the given damping"
         quality = "none" if self.quality_factor is None else with_bar(self.quality_factor, self.quality_error)
         height = with_bar(self.zone_nm_per_V, self.zone_error_nm_per_V, "nm/V")
         return (
@@ -92,7 +94,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     True
     """
 
-    model: str = column("model and element order, and how many patches")
+    model: str = column("model and element order, and the number of patches")
     dof: int = column("degrees of freedom that were solved for")
     frequency_hz: list[float] = column("frequencies", "Hz", along="frequency_hz")
     zone_rms_m_per_V: list[float] = column(
@@ -103,13 +105,13 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         error="passive_rms_error_m_per_V",
     )  # fmt: skip
     zone_rms_error_m_per_V: list[float] | None = column(
-        "half-width of the error bar of zone_rms_m_per_V, the damping given; None without an estimate, as where a charge feeds "
-        "the drivers",
+        "error bar of zone_rms_m_per_V for the given damping (half-width); None without an estimate, as when a charge "
+        "feeds the drivers",
         "m/V", along="frequency_hz", default=None,
     )  # fmt: skip
     passive_rms_error_m_per_V: list[float] | None = bar("passive_rms_m_per_V", "m/V", along="frequency_hz")
     sensor_V_per_V: list[list[float]] | None = column(
-        "voltage of the first sensor over that of the drive, real and imaginary; None without a sensor", "V/V",
+        "voltage of the first sensor relative to the drive, real and imaginary; None without a sensor", "V/V",
         along="frequency_hz", parts=("sensor_re", "sensor_im"),
     )  # fmt: skip
     sensors: list[int] = column("numbers of the sensor patches, from 0")
@@ -119,22 +121,23 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     )
     quality_factor_given: float = column("quality factor that the case gives")
     expected_error: float | None = column(
-        "widest error bar of a frequency in the band, relative; None without an estimate"
+        "largest error bar of a frequency in the band, relative; None without an estimate"
     )
     circuit: dict[str, Any] = column(
-        "how the drivers are fed, and what opening every patch does to the target mode: drivers, short_hz, open_hz, coupling"
+        "feeding of the drivers, and the effect of opening every patch on the target mode: drivers, short_hz, open_hz, "
+        "coupling"
     )
     target_status: str = column("single, split or none")
-    target_peak: PeakRecord | None = column("the target mode's peak; None where the band has none")
-    highest_peak: PeakRecord = column("the highest peak of the band")
+    target_peak: PeakRecord | None = column("peak of the target mode; None if the band contains none")
+    highest_peak: PeakRecord = column("highest peak of the band")
     widest_bar: dict[str, Any] | None = column(
-        "widest error bar of a frequency in the band: error (relative), of (which resonance), parts (mesh, reduction, bonding) "
-        "and largest_part",
+        "largest error bar of a frequency in the band: error (relative), of (which resonance), parts (mesh, reduction, "
+        "bonding) and largest_part",
         default=None,
     )
-    measured: MeasuredRecord | None = column("what was measured beside it; None without a measurement", default=None)
+    measured: MeasuredRecord | None = column("comparison with measured data; None without a measurement", default=None)
     target_error: float | None = bar("target_hz, relative")
-    written: list[Any] = live(default_factory=list)  # files with made-up data
+    written: list[Any] = live(default_factory=list)  # files with synthetic data
 
     @classmethod
     def of_solved(cls, solved: SolvedResponse, case: Case) -> ResponseResult:
@@ -175,12 +178,12 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 
     @property
     def peak(self) -> PeakRecord:
-        """The target mode's peak; the highest where the band has none."""
+        """Peak of the target mode; the highest peak if the band contains none."""
         return self.target_peak or self.highest_peak
 
     @property
     def same(self) -> bool:
-        """Whether the target mode's peak is the highest: they lie within a half-power width."""
+        """Whether the target mode's peak is the highest: both lie within a half-power width."""
         own, other = self.target_peak, self.highest_peak.frequency_hz
         return own is not None and abs(other - own.frequency_hz) <= own.frequency_hz / self.quality_factor_given
 
@@ -191,21 +194,21 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     target_peak_db = figure_at("target_peak.confinement_db", "confinement at that peak", "dB")
     highest_peak_hz = figure_at("highest_peak.frequency_hz", "highest peak of the response", "Hz")
     highest_peak_nm_per_v = figure_at(
-        "highest_peak.zone_nm_per_V", "zone at the highest", "nm/V", error="highest_peak.zone_error_nm_per_V"
+        "highest_peak.zone_nm_per_V", "zone at the highest peak", "nm/V", error="highest_peak.zone_error_nm_per_V"
     )
-    highest_peak_db = figure_at("highest_peak.confinement_db", "confinement at the highest", "dB")
+    highest_peak_db = figure_at("highest_peak.confinement_db", "confinement at the highest peak", "dB")
     measured_hz = figure_at("measured.sweep.frequency_hz", "measured resonance", "Hz")
     measured_shift_hz = figure_at(
-        "measured.sweep.frequency_shift_hz", "measured less computed", "Hz", is_difference=True, is_signed=True
+        "measured.sweep.frequency_shift_hz", "measured minus computed", "Hz", is_difference=True, is_signed=True
     )
     measured_quality_factor = figure_at("measured.sweep.quality_factor", "measured quality factor")
     measured_db = figure_at("measured.map.confinement_db", "measured confinement", "dB")
-    measured_mac = figure_at("measured.map.mac_operating", "MAC, measured to computed")
+    measured_mac = figure_at("measured.map.mac_operating", "MAC of measured and computed shapes")
 
     # -- words and pictures
 
     def lines(self) -> Iterator[str]:
-        """Yield the model, the curves around the peak, the peaks, what was measured and which files were written."""
+        """Yield the model, the curves around the peak, the peaks, measured data and the written files."""
         rows = [[*row.values()] for row in self.to_rows()]
         near = sorted(sorted(rows, key=lambda row: abs(row[0] - self.peak.frequency_hz))[:SHOWN])
         whose = "target mode" if self.target_peak else "zone"
@@ -216,7 +219,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         yield from (f"wrote {path}" for path in self.written)
 
     def peaks(self) -> Iterator[str]:
-        """Yield the target mode's peak, and the highest where it is another."""
+        """Yield the peak of the target mode, and the highest peak if it is another one."""
         if self.target_peak:
             yield self.target_peak.line("target mode's peak")
         if not self.same:
@@ -237,7 +240,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         ax.legend(fontsize=8)
 
     def _draw_curve(self, ax: Axes, name: str, **look: Any) -> None:
-        """Draw a curve, and a band between the ends of its bars; down to BAND of it where they are longer than itself."""
+        """Draw a curve with the band of its error bars, no lower than the fraction BAND of the curve."""
         if getattr(self, f"{name}_m_per_V") is None:
             return
         tone, values = self.array("frequency_hz") / KHZ, self.array(f"{name}_m_per_V") / NM
@@ -248,7 +251,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
             ax.fill_between(tone, low, values + half, color=look["color"], alpha=0.2, lw=0)
 
     def pictures(self) -> list[ReportFigure]:
-        """Return the curves with the operating deflection shape at the peak where its field is there, and the comparison."""
+        """Return the pictures of the curves, of the operating deflection shape if stored, and of the comparison."""
         from pipeline.measured.pictures import report_figure
 
         shape = self.arrays.get("response_uz")
@@ -304,7 +307,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 
 
 def _peak(peak: Peak, forced: ForcedPlate, same: PeakRecord | None = None) -> PeakRecord:
-    """Return a peak with its error bars; `same` is that of the same resonance, whose factor and level have the same bar."""
+    """Return a peak with its error bars; `same` is a peak of the same resonance, whose error bars it shares."""
     from pipeline.models.forced import level_error_db, quality_error
     from solvers.piezo.responses import frequency_error, height_error
 
@@ -327,7 +330,7 @@ class Response(
 ):
     """Compute the forced response to the patches over a band, with more points about each peak.
 
-    What the case names as measured is compared with it.
+    Measured data named in the case are compared with it.
 
     >>> from antinode import Patches, load
     >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
@@ -337,11 +340,11 @@ class Response(
     """
 
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
-    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
+    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="number of frequencies")
 
     @classmethod
     def in_study(cls) -> Response:
-        """Return the question that also writes the plate's mode table."""
+        """Return the question that also writes the mode table of the plate."""
         return _InStudies()
 
     def plan(self, case: Case) -> Plan:
@@ -370,7 +373,7 @@ class Response(
         return replace(result, **more).with_arrays(arrays, DesignRecord.of_design(case.design))
 
     def _measured(self, case: Case) -> Measurements | None:
-        """Return what was measured of the plate. Raises InputError for files that do not fit."""
+        """Read the measured data of the plate. Raises InputError for unsuitable files."""
         from pipeline.measured.comparison import read
 
         return read(case, None, None, None)
@@ -380,7 +383,7 @@ class Response(
 
 
 class _InStudies(Response):
-    """The response, and the patched plate's mode table in the place of the bare one's."""
+    """The response, and the mode table of the patched plate instead of the bare one."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ResponseResult:
         """Compute the response and write mode_table.bin and mode_table.h into the case's folder."""
@@ -388,7 +391,9 @@ class _InStudies(Response):
 
         result = super().compute(case, plan, run)
         if result.target_hz is None:
-            run.log.warning("TABLE", "no mode of the plate with its patches has the target shape: it has no mode table")
+            run.log.warning(
+                "TABLE", "no mode of the plate with its patches has the target shape, so there is no mode table"
+            )
             return result
         try:
             assert run.folder
@@ -412,21 +417,21 @@ class MeasuredResponse(Response, instead_of="response", by=("measured", "map")):
 
     measured: str | None = option(
         default=None, metavar="FILE",
-        help="a measured sweep to compare with: CSV with frequency_Hz (or kHz) and real, imag or amplitude, phase_deg",
+        help="measured sweep to compare with: CSV with frequency_Hz (or kHz) and real, imag or amplitude, phase_deg",
     )  # fmt: skip
     map: str | None = option(
         default=None, metavar="FILE",
-        help="a vibrometer's map of the touch face: CSV with x_mm, y_mm and real, imag or amplitude, phase_deg",
+        help="vibrometer map of the touch face: CSV with x_mm, y_mm and real, imag or amplitude, phase_deg",
     )  # fmt: skip
     at: str | None = option(
-        default=None, metavar="X,Y", help="where the sweep's laser stood, mm (default: where the zone moves most)"
+        default=None, metavar="X,Y", help="position of the sweep's laser, mm (default: where the zone moves most)"
     )
 
     def check(self, case: Case) -> None:
-        """Raise InputError for a case without patches, and without a file to compare with."""
+        """Raise InputError for a case without patches or without a file to compare with."""
         super().check(case)
         if self.measured is None and self.map is None:
-            raise InputError("measured, map: one of them must be a file to compare with")
+            raise InputError("measured, map: at least one must name a file to compare with")
 
     def _measured(self, case: Case) -> Measurements | None:
         from pipeline.measured.comparison import read
@@ -435,7 +440,7 @@ class MeasuredResponse(Response, instead_of="response", by=("measured", "map")):
 
 
 class SyntheticResponse(Response, instead_of="response", by="synthetic_data"):
-    """Compute the forced response to the patches and write it as if measured, in m/s per V, with noise and marked SYNTHETIC.
+    """Compute the forced response and write it like a measurement, in m/s per V, with noise and marked SYNTHETIC.
 
     >>> import antinode, tempfile
     >>> patch = antinode.Patches(size_mm=(8.0, 3.0, 0.3), centres_mm=[(0.0, 0.0)])
@@ -446,10 +451,14 @@ class SyntheticResponse(Response, instead_of="response", by="synthetic_data"):
     """
 
     synthetic_data: str | None = option(
-        default=None, metavar="DIR", help="write sweep.csv and field.csv as if measured, marked SYNTHETIC"
+        default=None,
+        metavar="DIR",
+        help="folder for sweep.csv and field.csv, written like a measurement and marked SYNTHETIC",
     )
-    seed: int = option(default=1, at_least=1, at_most=MAX_SEED, help="of the noise of --synthetic-data")
-    noise: float = option(default=0.01, at_least=0.0, at_most=1.0, metavar="R", help="rms of that noise over the peak")
+    seed: int = option(default=1, at_least=1, at_most=MAX_SEED, help="random seed of the --synthetic-data noise")
+    noise: float = option(
+        default=0.01, at_least=0.0, at_most=1.0, metavar="R", help="rms of that noise relative to the peak"
+    )
 
     def _write(self, case: Case, solved: SolvedResponse, run: Run) -> list[Path]:
         from pipeline.measured.synthetic import write
@@ -458,7 +467,7 @@ class SyntheticResponse(Response, instead_of="response", by="synthetic_data"):
 
 
 def _report(result: ResponseResult, solved: SolvedResponse, case: Case, run: Run) -> None:
-    """Log the widest error bar, the peak and what opening the patches does; warn where a figure is not what it seems."""
+    """Log the largest error bar, the peak and the effect of opening the patches; warn of misleading figures."""
     run.info(solved.widest_bar.text())
     solved.widest_bar.warn(case, run)
     run.info(next(result.peaks()))
@@ -471,20 +480,23 @@ def _report(result: ResponseResult, solved: SolvedResponse, case: Case, run: Run
         )
     if result.target_peak is None:
         known = result.target_hz is not None
-        where = f"it lies at {frequency(result.target_hz)}" if known else "no mode of the plate has its shape"
+        where = f"it lies at {frequency(result.target_hz)}" if known else "no mode of the plate has the target shape"
         low, high = (end / KHZ for end in solved.forced.band_hz)
         run.warning(
             "NO_MODE",
-            f"the band from {low:g} to {high:g} kHz does not hold the target mode, {where}: the peak is another mode's",
+            f"the band from {low:g} to {high:g} kHz does not contain the target mode, {where}: the peak belongs to "
+            "another mode",
         )
     elif not result.same:
         run.warning(
             "OTHER_PEAK",
-            f"the response is highest at {result.highest_peak.tone}, which is not the target mode at {result.target_peak.tone}",
+            f"the highest peak, at {result.highest_peak.tone}, is not that of the target mode, at "
+            f"{result.target_peak.tone}",
         )
     if result.target_status == "split":
         run.warning(
-            "SPLIT_MODE", "the target shape is split among several modes of the patched plate: the strongest is meant"
+            "SPLIT_MODE",
+            "the target shape is split among several modes of the patched plate: results refer to the strongest",
         )
     if result.highest_peak.frequency_hz in (result.frequency_hz[0], result.frequency_hz[-1]):
         run.warning("PEAK_AT_END", "the response is largest at the end of the band: widen it")

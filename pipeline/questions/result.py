@@ -1,4 +1,4 @@
-"""The answer to a question: a part with a main table and figures, from which all else that can be done with it follows."""
+"""Answer to a question: a part with a main table and figures, from which its other outputs follow."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
     from pipeline.records.record import DesignRecord
 
 T = TypeVar("T")
-# of a figure's error bar: the property, the place of the field, or a function of the result; relative for a frequency, else in
+# source of a figure's error bar: property, path of a field or function of the result; relative for a frequency, else in
 # the figure's unit
 Bar = str | Callable[[Any], float | None]
 
 
 @dataclass(frozen=True)
 class Figure(Generic[T]):
-    """A property that answers in one number: a column of every sweep, a headline of every report."""
+    """Property that summarises the answer in one number: a column of every sweep, a headline of every report."""
 
     of: Callable[[Any], T]
-    heading: str  # with the unit, what readers of a table see
+    heading: str  # heading shown in tables, together with the unit
     unit: str | None = ""  # None for words, "" for a number without unit
-    name: str = ""  # of its column in table.csv, where that is not its own
+    name: str = ""  # name of its column in table.csv, if different
     error: Bar = ""
-    is_difference: bool = False  # whether it is a difference of frequencies, whose bar is in Hz
-    is_signed: bool = False  # whether it is written with its sign
+    is_difference: bool = False  # whether it is a difference of frequencies, with an error bar in Hz
+    is_signed: bool = False  # whether a plus sign is written
 
     @overload
     def __get__(self, result: None, owner: type) -> Self: ...
@@ -53,7 +53,7 @@ def figure(
     is_difference: bool = False,
     is_signed: bool = False,
 ) -> Callable[[Callable[[Any], T]], Figure[T]]:
-    """Declare a figure of a result by the words of `Figure`: a property, None where it has no meaning."""
+    """Declare a figure of a result with the fields of `Figure`: a property, None where it is undefined."""
     return lambda of: Figure(of, heading, unit, name, error, is_difference, is_signed)
 
 
@@ -68,9 +68,9 @@ def figure_at(
     is_difference: bool = False,
     is_signed: bool = False,
 ) -> Figure[Any]:
-    """Declare a figure that is a field of one of the result's parts, by its place, with the bar that the field declares.
+    """Declare a figure that is a field of one of the result's parts, by its path, with the field's error bar.
 
-    scale: of its unit, in the field's, such as 1e-6 for a length in um. error: of its bar, where the field declares none.
+    scale: size of its unit in that of the field, such as 1e-6 for a length in um. error: as in `figure`.
     """
 
     def value(result: Any) -> Any:
@@ -86,7 +86,7 @@ def figure_at(
 
 
 class stacked(property):
-    """A column of the main table as an array over its axes, as a property with a docstring; NaN for what is missing."""
+    """Property with a column of the main table as an array over its axes; NaN for missing values."""
 
     def __init__(self, name: str, about: str) -> None:
         super().__init__(lambda result: result.array(name), doc=about)
@@ -97,12 +97,12 @@ class stacked(property):
 
 
 def scaled(value: Any, scale: float) -> Any:
-    """Return a value over a unit in its own, such as 1e-6 for a length in um; None stays."""
+    """Divide a value by a unit, such as 1e-6 for a length in um; None stays None."""
     return value if value is None or scale == 1.0 else value / scale
 
 
 def reach(part: Any, place: str) -> Any:
-    """Return what stands at a place such as "target.frequency_hz"; None where a part on the way there is missing."""
+    """Return the value at a path such as "target.frequency_hz"; None if a part along the path is missing."""
     for name in place.split("."):
         part = part.get(name) if isinstance(part, Mapping) else None if part is None else getattr(part, name)
     return part
@@ -110,7 +110,7 @@ def reach(part: Any, place: str) -> Any:
 
 @dataclass(frozen=True)
 class Origin:
-    """What a result answers: case with defaults, the question's options, version, warnings, seconds of each step."""
+    """Origin of a result: case with defaults, the question's options, version, warnings, seconds per step."""
 
     case: str | None
     with_defaults: dict[str, Any] | None
@@ -121,7 +121,7 @@ class Origin:
 
 
 class Result(Part):
-    """The answer to a question: declared columns and figures, which subclasses also describe and draw.
+    """Answer to a question: declared columns and figures, which subclasses also describe and draw.
 
     Class keywords: `axes` of the main table, which --csv writes and `to_dataframe` returns, the slowest first; `table`, the
     field whose items run along the first of them. A column of an item stands in the table when all its axes are among these, as
@@ -132,23 +132,23 @@ class Result(Part):
     table: ClassVar[str] = ""
     axes: ClassVar[Axis] = ()
     figures: ClassVar[dict[str, Figure[Any]]] = {}
-    origin: ClassVar[Origin | None] = None  # of each result by itself, set where it is computed or read
-    arrays: ClassVar[Mapping[str, Any]] = {}  # of each by itself: what pictures draw, kept beside a record
-    plate_design: ClassVar[Any] = None  # of each by itself: the case's DesignRecord, where pictures need it
+    origin: ClassVar[Origin | None] = None  # of each instance, set where it is computed or read
+    arrays: ClassVar[Mapping[str, Any]] = {}  # of each instance: arrays for pictures, stored with the record
+    plate_design: ClassVar[Any] = None  # of each instance: the case's DesignRecord, if pictures need it
 
     def __init_subclass__(cls, *, axes: Axis, table: str = "") -> None:
         super().__init_subclass__()
         cls.table, cls.axes = table, axes
         cls.figures = {name: each for name, each in vars(cls).items() if isinstance(each, Figure)}
 
-    # what subclasses say
+    # for subclasses to override
 
     def lines(self) -> Iterator[str]:
-        """Yield the result in words, as the terminal and the report say it."""
+        """Yield the result in words, for the terminal and the report."""
         yield from ()
 
     def details(self) -> Iterator[str]:
-        """Yield what --verbose adds to the lines."""
+        """Yield the lines that --verbose adds."""
         yield from ()
 
     def draw(self, ax: Axes) -> None:
@@ -156,37 +156,37 @@ class Result(Part):
         raise NotImplementedError
 
     def pictures(self) -> list[ReportFigure]:
-        """Return the pictures of a report and of --out: what `draw` draws, unless a subclass has more."""
+        """Return the pictures for a report and --out: that of `draw`, unless a subclass has more."""
         return [style.ReportFigure(self.question, self.title, " ".join(self.lines()), self.as_figure(), vector=True)]
 
-    # what follows
+    # derived outputs
 
     def reading(self, without: Axis = (), most: int = 0) -> str:
-        """Return the main table as people read it, without some columns; of more rows than `most` evenly chosen ones."""
+        """Format the main table for reading, without some columns and thinned evenly to about `most` rows."""
         rows = [{name: value for name, value in row.items() if name not in without} for row in self.to_rows()]
         step = max(1, len(rows) // most) if most else 1
         return outputs.reading_table(tuple(rows[0]), [[*row.values()] for row in rows[::step]])
 
     def with_arrays(self, arrays: Mapping[str, Any], design: DesignRecord | None = None) -> Self:
-        """Return the result itself, with arrays by name and the design for its pictures."""
+        """Attach arrays by name and the design for the pictures; return the result itself."""
         object.__setattr__(self, "arrays", arrays)
         object.__setattr__(self, "plate_design", design)
         return self
 
     def to_rows(self) -> list[dict[str, Any]]:
-        """Return the main table: a dictionary of plain values a row, units in the names."""
+        """Return the main table: one dictionary of plain values per row, units in the names."""
         return rows_of(self, self.table, self.axes)
 
     @classmethod
     def heading(cls) -> list[str]:
-        """Return the columns of a main table without a row: those of its items."""
+        """Return the column names of the main table, which also hold for an empty one."""
         kind = part_of(cls, cls.table) if cls.table else cls
         inner = set(cls.axes[1:] if cls.table else cls.axes)
         own = [each.name or name for name, each in kind.declared.items() if each.table and set(each.along) <= inner]
         return [*cls.axes[:1], *own] if cls.table and cls.axes[0] not in own else own
 
     def array(self, name: str) -> np.ndarray:
-        """Return a column as an array over the main table's axes; NaN for what is missing."""
+        """Return a column as an array over the axes of the main table; NaN for missing values."""
         items: list[Part] = getattr(self, self.table) if self.table else [self]
         values = [getattr(item, name) for item in items]
         along = items[0].declared[name].along if items else ()
@@ -208,7 +208,7 @@ class Result(Part):
         return outputs.dataset(rows, held)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON document that --json writes: the declared fields, and the case and the version that they answer."""
+        """Return the JSON document that --json writes: the declared fields, with the case and the version."""
         about = self.origin
         if about is None:
             return {"schema": DOCUMENT_SCHEMA, "kind": self.question, **self.values()}
@@ -218,7 +218,7 @@ class Result(Part):
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> Self:
-        """Return the result of a document that `to_dict` or --json wrote. Raises pydantic.ValidationError for a damaged one."""
+        """Read the result from a document of `to_dict` or --json. Raises pydantic.ValidationError for a damaged one."""
         read = cls.from_dict({name: document[name] for name in cls.declared if name in document})
         head = {name: document.get(name) for name in ("case", "with_defaults", "version")}
         more = {"options": document.get("options") or {}, "seconds": document.get("seconds") or {}}
@@ -226,21 +226,21 @@ class Result(Part):
         return read
 
     def save(self, path: str | Path) -> Path:
-        """Write the document as JSON, whole or not at all; `antinode.open` reads it back."""
+        """Write the document as JSON, atomically; `antinode.open` reads it back."""
         from pipeline.records.outputs import write_file
 
         write_file(Path(path), (json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n").encode())
         return Path(path)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw into matplotlib axes, new ones where none are given, and return them."""
+        """Draw into matplotlib axes, new ones if none are given, and return them."""
         with style.style():
             drawn: Axes = style.panels(3.6)[1] if ax is None else ax
             self.draw(drawn)
         return drawn
 
     def as_figure(self) -> Any:
-        """Return what `plot` draws as a matplotlib figure of its own."""
+        """Return the drawing of `plot` as a separate matplotlib figure."""
         return self.plot().figure
 
     def _repr_html_(self) -> str:
@@ -252,6 +252,6 @@ class Result(Part):
 
 
 def _length(part: Part, along: Axis) -> int:
-    """Return how many entries the columns of a part have along some axes."""
+    """Return the number of entries of a part's columns along some axes."""
     known = [getattr(part, name) for name, each in part.declared.items() if along and each.along == along]
     return max((len(value) for value in known if value), default=0)

@@ -1,4 +1,4 @@
-"""The design that confines the target mode best: keys of the case varied between two ends, within limits."""
+"""Search for the design that confines the target mode best: keys varied between two ends, within limits."""
 
 from __future__ import annotations
 
@@ -23,32 +23,32 @@ SHOWN = 8
 
 
 class Varied(Part):
-    """A key between two ends, in the file's unit."""
+    """A varied key between two ends, in the unit of the file."""
 
-    key: str = column("key of the case file, with its row in brackets where every row has its own")
+    key: str = column("key of the case file, with the row in brackets if every row has its own value")
     low: float = column("low end; 0 for a choice")
     high: float = column("high end; 1 for a choice")
-    step: float = column("grid that values are snapped to")
-    words: list[str] | None = column("what 0 and 1 stand for; None for numbers", default=None)
+    step: float = column("grid to which values are rounded")
+    words: list[str] | None = column("meaning of 0 and 1; None for numbers", default=None)
 
     @property
     def title(self) -> str:
-        """The key as the title of an axis."""
+        """Key as the title of an axis."""
         name, _, unit = self.key.partition(".")[2].rpartition("_")
         return f"{self.key.partition('.')[0]} {name.replace('_', ' ')} ({unit})" if unit == "mm" else self.key
 
 
 class Fidelity(Part):
-    """A model and how many designs it evaluated."""
+    """A model and the number of designs it evaluated."""
 
     name: str = column("strip, column or plate")
     model: str = column("model in words")
-    designs: int = column("designs that it evaluated")
-    not_evaluated: int = column("designs that it could not evaluate")
+    designs: int = column("number of designs evaluated")
+    not_evaluated: int = column("number of designs that could not be evaluated")
 
 
 class SearchResult(Result, table="evaluations", axes=("evaluation",)):
-    """The best design next to the one it started from, and every evaluation as a row; dB, Hz, mm, kg.
+    """Best design compared with the initial one, and every evaluation as a row; dB, Hz, mm, kg.
 
     >>> import antinode
     >>> plate = antinode.load("examples/small.toml", accuracy=0.1)
@@ -57,28 +57,26 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
     ({'pillar.height_mm': 6.0}, 6.0)
     """
 
-    goal: str = column("what was raised")
-    vary: list[Varied] = column("the varied keys")
-    limits: Limits = column("what designs had to keep")
-    fidelities: list[Fidelity] = column("how many designs each model evaluated")
-    softness: float = column("compliance of the pillars' feet that the strips were calibrated to, of a half-space's")
+    goal: str = column("maximised goal")
+    vary: list[Varied] = column("varied keys")
+    limits: Limits = column("limits on the designs")
+    fidelities: list[Fidelity] = column("number of designs evaluated by each model")
+    softness: float = column("calibrated compliance of the pillars' feet in the strip model, relative to a half-space")
     repeat: list[str] = column("KEY=VALUE of the best design, for --set")
-    base: FoundDesign = column("the design as given, as `antinode modes` solves it")
-    best: FoundDesign = column("the best design, as `antinode modes` solves it")
+    base: FoundDesign = column("initial design, solved as by `antinode modes`")
+    best: FoundDesign = column("best design, solved as by `antinode modes`")
     gain_db: float | None = column(
-        "gain of the goal; None where a design has no target mode or the goal is no level", "dB", error="gain_error_db"
+        "gain of the goal; None if a design has no target mode or the goal is not a level", "dB", error="gain_error_db"
     )
     gain_khz: float | None = column("gain of a goal that is a band; None for others", "kHz")
-    gain_mm: float | None = column("how much closer the zones lie where the goal is their gap; None for others", "mm")
+    gain_mm: float | None = column("reduction of the gap between the zones, if that is the goal; None for others", "mm")
     gain_error_db: float | None = bar("gain_db", "dB")
-    tradeoff: list[FoundDesign] = column(
-        "designs that no other beats in goal, frequency and mass at once, the best first"
-    )
-    evaluations: list[FoundDesign] = column("every design that was evaluated")
+    tradeoff: list[FoundDesign] = column("Pareto-optimal designs in goal, frequency and mass, the best first")
+    evaluations: list[FoundDesign] = column("every evaluated design")
     solid: dict[str, FoundDesign] | None = column(
         "`base` and `best` by solid meshes of the whole plate; None without --verify-with solid"
     )
-    file: str = live(default="CASE")  # of the design as given
+    file: str = live(default="CASE")  # of the initial design
 
     @classmethod
     def of_outcome(cls, outcome: Outcome, solid: dict[str, FoundDesign] | None = None) -> SearchResult:
@@ -107,12 +105,12 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     @property
     def best_values(self) -> dict[str, float | str]:
-        """Values of the varied keys in the best design, in the file's units, or words."""
+        """Values of the varied keys in the best design, in the units of the file, or words."""
         return dict(self.best.set)
 
     @property
     def changes(self) -> dict[str, Any]:
-        """The best design as keywords: `plate.with_(**found.changes)` is that plate."""
+        """Best design as keywords: `plate.with_(**found.changes)` is that plate."""
         found: dict[str, Any] = {}
         for name, value in self.best.set.items():
             key, row, _ = name.replace(".", "__").partition("[")
@@ -146,7 +144,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         return unit_of(self.goal)
 
     def lines(self) -> Iterator[str]:
-        """Yield the best designs as a table, the gain, and the words to repeat it."""
+        """Yield the best designs as a table, the gain, and the command that repeats it."""
         keeping = [each for each in self._of(PLATE) if getattr(each, self._value) is not None and not each.violations]
         keeping.sort(key=lambda each: getattr(each, self._value), reverse=self._unit not in LESS)
         names = [name for name, each in FoundDesign.declared.items() if each.unit or name in ("frequency_error", "mac")]
@@ -154,20 +152,20 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         figures = [[getattr(each, name) for name in names] for each in keeping[:SHOWN]]
         grams = [scaled(each.mass_kg, GRAM) for each in keeping[:SHOWN]]
         rows = [[*one.set.values(), *own, mass] for one, own, mass in zip(keeping, figures, grams, strict=False)]
-        yield f"{', '.join(f'{each.designs} by {each.name}' for each in self.fidelities)}; the best assembled plates:"
+        yield f"{', '.join(f'{each.designs} by {each.name}' for each in self.fidelities)}; best assembled plates:"
         yield outputs.reading_table(*outputs.filled((*(each.key for each in self.vary), *names, "mass_g"), rows))
-        yield f"as given: {self.base.text(self.goal)}"
+        yield f"initial: {self.base.text(self.goal)}"
         gain = {"dB": self.gain_db, "kHz": self.gain_khz, "mm": self.gain_mm}[self._unit]
         text = ""
         if gain is not None:
             own = level_with_bar(gain, self.gain_error_db) if self._unit == "dB" else with_bar(gain, None, self._unit)
             text = f", {signed(own)}"
-        yield f"best:     {self.best.text(self.goal)}{text}"
+        yield f"best:    {self.best.text(self.goal)}{text}"
         for name, design in (self.solid or {}).items():
-            told = f"{level(design.confinement_db)} at {frequency(design.frequency_hz or 0.0)}"
-            yield f"solid mesh, {name}: {told}"
+            text = f"{level(design.confinement_db)} at {frequency(design.frequency_hz or 0.0)}"
+            yield f"solid mesh, {name}: {text}"
         command = "modes" if self.best.isolation_db is None else "crosstalk"
-        yield f"repeat it: antinode {command} {self.file} " + " ".join(f"--set {part}" for part in self.repeat)
+        yield f"to repeat: antinode {command} {self.file} " + " ".join(f"--set {part}" for part in self.repeat)
 
     def __repr__(self) -> str:
         gain = "" if self.gain_db is None else f", {signed(level(self.gain_db))}"
@@ -184,28 +182,28 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
             self._map(ax, keys)
 
     def pictures(self) -> list[ReportFigure]:
-        """Return the goal over what was varied, and against frequency and mass."""
+        """Return the pictures of the goal over the varied keys, and against frequency and mass."""
         drawn, (left, right) = style.panels(3.9, 1, 2, width_ratios=[1.15, 1.0])
         self.draw(left)
         self._tradeoff(right)
-        title = "Where the target mode is confined best"
+        title = "Best confinement of the target mode"
         return [style.ReportFigure("search", title, self._alt(), drawn, vector=True)]
 
     def _of(self, fidelity: str) -> list[FoundDesign]:
         return [each for each in self.evaluations if each.fidelity == fidelity]
 
     def _number(self, design: FoundDesign, key: Varied) -> float:
-        """A design's value of a key; of a choice 0 or 1."""
+        """Return a design's value of a key; 0 or 1 for a choice."""
         value = design.set[key.key]
         return float(key.words.index(str(value))) if key.words else float(value)
 
     def _points(self, listed: list[FoundDesign], keys: list[Varied]) -> Any:
-        """Rows of the keys' values and of the goal's, of the evaluated designs."""
+        """Return the values of the keys and of the goal for the evaluated designs."""
         known = [each for each in listed if getattr(each, self._value) is not None]
         return np.array([[*(self._number(each, key) for key in keys), getattr(each, self._value)] for each in known]).T
 
     def _shown_keys(self) -> list[Varied]:
-        """One or two keys; of several those that the cheapest model's goal follows most (rank correlation)."""
+        """Return one or two keys; of several, those that correlate most (rank) with the cheapest model's goal."""
         if len(self.vary) <= 2:
             return self.vary
         from scipy.stats import spearmanr
@@ -231,7 +229,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         axes.legend(fontsize=7)
 
     def _map(self, axes: Any, keys: list[Varied]) -> None:
-        """Draw the goal over two keys: the strips as a ground, computed designs as points of the same colours."""
+        """Draw the goal over two keys: strips as background, computed designs as points, on one colour scale."""
         strips, columns, plates = (self._points(self._of(name), keys) for name in (STRIP, COLUMN, PLATE))
         low = min(0.0, float(np.percentile(strips[2], 5))) if strips.size else 0.0
         high = max(float(np.percentile(strips[2], 99)) if strips.size else 1.0, *plates[2], low + 1.0)
@@ -245,12 +243,12 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         image = axes.scatter(*plates[:2], c=plates[2], **own, **look)
         best = [self._number(self.best, key) for key in keys]
         axes.plot(*best, "*", color=style.VERMILION, mec="white", ms=15, ls="none", label="best")
-        axes.set(xlabel=keys[0].title, ylabel=keys[1].title, title="Landscape (ground: strips)")
+        axes.set(xlabel=keys[0].title, ylabel=keys[1].title, title="Landscape (background: strips)")
         axes.legend(fontsize=7, loc="upper right", framealpha=0.8, frameon=True)
         axes.figure.colorbar(image, ax=axes, label=self._title)
 
     def _tradeoff(self, axes: Any) -> None:
-        """Draw the goal against frequency, coloured by mass; designs that no other beats are connected."""
+        """Draw the goal against frequency, coloured by mass; Pareto-optimal designs are connected."""
         value = self._value
         for fidelity, look in ((COLUMN, {"marker": "s", "s": 12, "alpha": 0.6}), (PLATE, {"marker": "o", "s": 36})):
             listed = [each for each in self._of(fidelity) if getattr(each, value) is not None and not each.violations]
@@ -262,8 +260,8 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
             image = axes.scatter(x, y, c=mass, **own, **look)
         axes.figure.colorbar(image, ax=axes, label="mass (g)")
         front = sorted(((each.frequency_hz or 0.0) / KHZ, getattr(each, value)) for each in self.tradeoff)
-        axes.plot(*zip(*front, strict=True), color=style.GREY, lw=0.8, ls="--", label="no other design beats these")
-        marked = (("as given", self.base, "D", style.ORANGE), ("best", self.best, "*", style.VERMILION))
+        axes.plot(*zip(*front, strict=True), color=style.GREY, lw=0.8, ls="--", label="Pareto-optimal designs")
+        marked = (("initial", self.base, "D", style.ORANGE), ("best", self.best, "*", style.VERMILION))
         for name, design, marker, colour in marked:
             if design.frequency_hz is not None and getattr(design, value) is not None:
                 place = design.frequency_hz / KHZ, getattr(design, value)
@@ -276,10 +274,10 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
     def _alt(self) -> str:
         base, best = (getattr(design, self._value) for design in (self.base, self.best))
         where = ", ".join(f"{key.key} = {self._number(self.best, key):g}" for key in self.vary)
-        was = "" if base is None else f"; as given, {level_figure(base)}"
+        was = "" if base is None else f"; initially {level_figure(base)}"
         counts = ", ".join(f"{each.designs} by {each.name}" for each in self.fidelities)
         return (
-            f"Goal over what was varied ({counts}) and against frequency: best {level_figure(best)} {self._title} at "
+            f"Goal over the varied keys ({counts}) and against frequency: best {level_figure(best)} {self._title} at "
             f"{frequency(self.best.frequency_hz or 0.0)} with {where}{was}"
         )
 
@@ -290,10 +288,10 @@ class Search(
     example="search studies/three-rows.toml --vary pillar.height_mm=5:8 --vary array.pitch_mm=4:8 --out found",
     is_measure=False,
 ):
-    """Search the design that confines the target mode best between ends of keys, in their units.
+    """Search for the design that confines the target mode best, with keys varied between two ends.
 
-    Strips rank many designs, three columns of cells go before each assembled plate, and the best one is solved once more;
-    minutes. CheckFailed where no design keeps the limits.
+    Strips rank many designs, three columns of cells precede each assembled plate, and the best one is solved again;
+    this takes minutes. Raises CheckFailed if no design meets the limits.
 
     >>> from antinode import load
     >>> plate = load("examples/small.toml", accuracy=0.1)
@@ -304,49 +302,60 @@ class Search(
 
     vary: tuple[Range, ...] = option(
         default=(), metavar="KEY=LOW:HIGH",
-        help="a key of plate, zone, pillar, tip or array between two ends; array.heights_mm=5:7 varies every row by itself, "
-        "array.stagger=false:true, pillar.faces=back:both and tip.material=steel:brass choose",
+        help="key of plate, zone, pillar, tip or array with two ends; array.heights_mm=5:7 varies each row, "
+        "array.stagger=false:true, pillar.faces=back:both and tip.material=steel:brass are choices",
     )  # fmt: skip
     goal: Goal = option(
         default="confinement",
-        help="what to raise: dB on the zone over the passive face, or over the plate beyond the rows, or the least of the "
-        "first with all heights off by tolerance.height_mm, or the width of the band about the target mode in which the rows "
-        "take 10 dB from a wave; of several zones, each driven in turn, the first, the third, the least dB on the driven zone "
-        "over another one, or the smallest gap between them",
+        help="goal: dB on the zone over the passive face; or over the plate beyond the rows; or the least value of the "
+        "first with all heights changed by tolerance.height_mm; or the width of the band around the target mode in "
+        "which the rows attenuate a wave by 10 dB; for several zones, each driven in turn: the first, the third, the "
+        "smallest dB on the driven zone over another one, or the smallest gap between them",
     )
     evaluations: int = option(
         default=16,
         at_least=1,
         at_most=MAX_EVALUATIONS,
-        help="assembled plates to spend, three columns of cells to each",
+        help="number of assembled plates, with three columns of cells for each",
     )
-    min_frequency_kHz: float = option(default=25.0, unit="kHz", at_least=0.0, help="lowest frequency allowed")
+    min_frequency_kHz: float = option(default=25.0, unit="kHz", at_least=0.0, help="lowest allowed frequency")
     max_half_wavelength_mm: float = option(
-        default=20.0, unit="mm", at_least=1e-3, at_most=1e6, metavar="MM", help="largest half-wavelength along the zone"
+        default=20.0,
+        unit="mm",
+        at_least=1e-3,
+        at_most=1e6,
+        metavar="MM",
+        help="largest allowed half-wavelength along the zone",
     )
     min_feature_mm: float = option(
-        default=0.4, unit="mm", at_least=1e-3, at_most=1e6, metavar="MM", help="smallest printable size"
+        default=0.4, unit="mm", at_least=1e-3, at_most=1e6, metavar="MM", help="smallest printable feature"
     )
     mac: float = option(
-        default=0.8, at_least=0.0, at_most=1.0, metavar="SHARE", help="least modal assurance to the target shape"
+        default=0.8,
+        at_least=0.0,
+        at_most=1.0,
+        metavar="SHARE",
+        help="smallest allowed modal assurance criterion with the target shape",
     )
     min_isolation_dB: float | None = option(
         default=None, unit="dB", at_least=1e-3, at_most=1e3, metavar="DB",
-        help="least level of a driven zone over every other one, of several zones",
+        help="smallest allowed level of a driven zone over every other one, for several zones",
     )  # fmt: skip
     verify_with: Literal["plate", "solid"] = option(
-        default="plate", help="solve the design as given and the best one by this model, too (solid: minutes each)"
+        default="plate", help="also solve the initial and the best design with this model (solid: minutes each)"
     )
 
     def check(self, case: Case) -> None:
-        """Raise InputError for keys, limits and cases that the goal cannot be searched of."""
-        space = self._space(case)  # a fault is told before anything heavy is loaded
+        """Raise InputError for keys, limits and cases that do not suit the goal."""
+        space = self._space(case)  # report faults before anything heavy is loaded
         from pipeline.search.optimiser import check
 
         check(space, self._settings())
         if case.design.zones > 1 and self.verify_with == "solid":
             count = case.design.zones
-            raise InputError(f"--verify-with solid: zone.count = {count}, must be plate: no solid carries patches")
+            raise InputError(
+                f"--verify-with solid: zone.count = {count}: must be plate, because solid meshes carry no patches"
+            )
 
     def _space(self, case: Case) -> Space:
         from pipeline.search.space import space_of
@@ -372,12 +381,14 @@ class Search(
         budget = budget_of(self._space(case), self._settings())
         numbers = {"strips": budget.strips, "columns": budget.columns, "plates": budget.plates}
         counts = ", ".join(f"{most} {name}" for name, most in numbers.items() if most)
-        looks = f"at most {counts} over {', '.join(each.key for each in self.vary)}; then the design as given and the best one"
+        looks = (
+            f"at most {counts} over {', '.join(each.key for each in self.vary)}; then the initial and the best design"
+        )
         step = plans.Step(self.name, f"best {self.goal}", MODELS[PLATE], "", (), looks, (), budget.left_out, numbers)
         return plans.plan_of(case, step)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> SearchResult:
-        """Evaluate designs by cheap models first, and the best ones by assembled plates."""
+        """Evaluate designs with cheap models first, and the best ones as assembled plates."""
         from pipeline.search.optimiser import Budget, search
 
         outcome = search(self._space(case), self._settings(), run, budget=Budget(**plan.steps[0].numbers))
@@ -385,7 +396,7 @@ class Search(
 
 
 def _solid(outcome: Outcome, run: Run) -> dict[str, FoundDesign]:
-    """Solve both designs by the whole plate as a solid mesh."""
+    """Solve both designs with solid meshes of the whole plate."""
     from pipeline.search.fidelity import SOLID, EvaluationCache, evaluate
 
     solved = {}

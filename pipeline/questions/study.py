@@ -1,4 +1,4 @@
-"""Questions in studies: which a case is asked, their plan, what is kept of the answers, pictures, the columns of table.csv."""
+"""Questions in studies: selection for a case, plan, stored answers, pictures, columns of table.csv."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ if TYPE_CHECKING:
     from pipeline.plots.style import ReportFigure
 
 Draw = Callable[[StoredCase, dict[str, Any]], "ReportFigure | list[ReportFigure] | None"]
-IN_ORDER = (  # a case answers one after another: a later one may go on from an earlier one
+IN_ORDER = (  # asked in this order: a later question may use the answer of an earlier one
     *("modes", "bands", "attenuation", "broadband", "response", "tolerance", "touch", "hybrid", "travel", "crosstalk"),
     *("live", "board", "predesign", "zone_modes", "pillar_modes", "geometry", "tet_modes"),
 )
 
 
 def questions() -> list[Question[Any]]:
-    """Return every question that studies ask, in their order, those of other modules last."""
+    """Return every question that studies ask, in order, those of other modules last."""
     found = {name: kind.in_study() for name, kind in known().items() if not kind.follows}
     asked = {name: question for name, question in found.items() if question}
     return [*(asked.pop(name) for name in IN_ORDER), *asked.values()]
 
 
 def followers(question: Question[Any]) -> list[Question[Any]]:
-    """Return the questions that are asked with another one."""
+    """Return the questions that accompany another one."""
     return [kind.in_study() for kind in known().values() if kind.follows == question.name]
 
 
 def names() -> list[str]:
-    """Return what a study file may ask for."""
+    """Return the measures that a study file may name."""
     return [*dict.fromkeys(name for each in questions() for name in (each.name, *each.aliases))]
 
 
@@ -54,18 +54,18 @@ def chosen(query: Iterable[str]) -> list[Question[Any]]:
 
 
 def check(case: Case, query: Iterable[str]) -> None:
-    """Raise InputError for a case that lacks what its questions need."""
+    """Raise InputError for a case that lacks a table or key that its questions need."""
     asked = chosen(query)
     case.require_plate(command="a study", several=all(each.of_any_zones for each in asked))
     for each in asked:
         if each.drives and each.needs:
             case.require(*each.needs, command=f"the measure {each.name}")
         if each.after and each.after not in [other.name for other in asked]:
-            raise InputError(f"the measure {each.name} goes on from {each.after}: measure must hold {each.after} too")
+            raise InputError(f"the measure {each.name} uses {each.after}: add {each.after} to measure")
 
 
 def plan_of(case: Case, query: Iterable[str]) -> Plan:
-    """Return the steps that a case's questions ask for, in the order in which they are asked."""
+    """Return the steps of a case's questions, in the order in which they are asked."""
     asked = chosen(query)
     spared = {each.name: each.spared(case) for each in asked}
     driven = any(each.drives for each in asked)
@@ -81,7 +81,7 @@ def plan_of(case: Case, query: Iterable[str]) -> Plan:
 
 
 def answer(question: Question[Any], case: Case, run: Run) -> None:
-    """Ask a question and those that follow it; keep what is stored of the answers, without solved models."""
+    """Ask a question and those that accompany it; keep the stored part of the answers, without solved models."""
     for each in (question, *followers(question)):
         if each.spared(case):
             continue
@@ -92,7 +92,7 @@ def answer(question: Question[Any], case: Case, run: Run) -> None:
                 run.left_out(*why.args)
 
 
-# -- what is shown -----------------------------------------------------------------------------------------------------
+# -- pictures and columns --------------------------------------------------------------------------------------------
 
 
 def draws() -> list[Draw]:
@@ -101,7 +101,7 @@ def draws() -> list[Draw]:
 
 
 def _draws(question: Question[Any]) -> list[Draw]:
-    """Return what draws a question's pictures: functions of pipeline by their names, or the result itself."""
+    """Return the functions that draw a question's pictures: functions of pipeline by name, or the result's own."""
     places = [name.rpartition(".") for name in question.pictures]
     if places:
         return [getattr(import_module(f"pipeline.{module}"), function) for module, _, function in places]
@@ -117,7 +117,7 @@ def _draws(question: Question[Any]) -> list[Draw]:
 
 
 def columns(question: Question[Any]) -> list[Column]:
-    """Return the columns of table.csv that the answers to a question and those that follow it fill."""
+    """Return the columns of table.csv for the answers to a question and those that accompany it."""
     every = [each for each in (question, *followers(question)) if each.is_own]
     return [_column(each.name, name, about) for each in every for name, about in each.result.figures.items()]
 
@@ -143,7 +143,7 @@ def _confined(record: Record) -> str | None:
     return None if record.confined is None else "yes" if record.confined else "no"
 
 
-OF_SEVERAL = (  # columns that several answers of a case make together
+OF_SEVERAL = (  # columns computed from several answers of a case
     Column("confined", f"confined (at least {CONFINED_DB:g} dB)", _confined),
     Column("dof", "degrees of freedom", _dof, ""),
 )

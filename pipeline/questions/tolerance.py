@@ -1,4 +1,4 @@
-"""How far the response's peak and the confinement move when no two pillars are alike, or when all of a plate are off alike."""
+"""Spread of peak and confinement by scatter from pillar to pillar, or by a batch deviation shared by a plate."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from pipeline.records.part import column
 if TYPE_CHECKING:
     from pipeline.models.tolerance import VariedPlates
 
-MOVED = 0.1  # of the spread of peaks or levels: more, and the space is too small
-ALIKE_DB = 0.01  # levels that differ by less are alike, however small their spread
-PER = {"m/V": "_m_per_V", "m/N": "_m_per_N"}  # ends of a column's name, by unit
+MOVED = 0.1  # relative to the spread of peaks or levels: beyond it, the reduced space is too small
+ALIKE_DB = 0.01  # smaller differences of levels are ignored, however small the spread
+PER = {"m/V": "_m_per_V", "m/N": "_m_per_N"}  # endings of column names, by unit
 FRAME: dict[str, Any] = {"fontsize": 8, "frameon": True, "framealpha": 0.9, "edgecolor": "none"}
-ALONE = "nothing: the free target mode of one column of cells, all pillars off by the same"
-SAMPLES = "how many plates (default: the case's, 20)"
+ALONE = "nothing: the free target mode of one column of cells, with one deviation of all pillars"
+SAMPLES = "number of plates (default: the case's, 20)"
 
 
 class ToleranceResult(Result, table="samples", axes=("sample",)):
-    """Plates whose pillars differ: the nominal one, the samples in Hz and dB, and their statistics without those lost.
+    """Plates whose pillars deviate: the nominal plate, samples in Hz and dB, and statistics of the samples not lost.
 
     >>> import antinode
     >>> antinode.Tolerance.heading()[:2]
@@ -35,56 +35,56 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
     """
 
     tolerance: dict[str, Any] = column(
-        "what scatters, and how much: height_m, side_m, position_m, seed, cut_at_deviations"
+        "standard deviations and sampling: height_m, side_m, position_m, seed, cut_at_deviations"
     )
-    drive: str = column("what drives the plate: patches, or a pressure")
-    rms_unit: str = column("m/V or m/N; empty where nothing drives")
+    drive: str = column("excitation: patches, or a pressure")
+    rms_unit: str = column("m/V or m/N; empty without an excitation")
     pillars: int = column("number of pillars")
     dofs: int | None = column(
-        "degrees of freedom of the smaller space in which samples are solved; None where all pillars are off by the same"
+        "degrees of freedom of the reduced space in which samples are solved; None for a batch deviation"
     )
-    nominal: SampleRecord = column("the plate without scatter")
-    samples: list[SampleRecord] = column("the plates")
-    lost: int = column("samples without the target mode, which the statistics leave out")
-    split: int = column("samples whose target mode is split")
+    nominal: SampleRecord = column("nominal plate")
+    samples: list[SampleRecord] = column("sampled plates")
+    lost: int = column("samples without the target mode, excluded from the statistics")
+    split: int = column("samples with a split target mode")
     peak_hz: SpreadRecord | None = column("frequencies of the peaks, Hz")
-    peak_shift_hz: SpreadRecord | None = column("peaks less the nominal one, Hz")
+    peak_shift_hz: SpreadRecord | None = column("peaks minus the nominal one, Hz")
     confinement_db: SpreadRecord | None = column("confinements at the peaks, dB")
-    confined: int | None = column("how many samples are confined")
+    confined: int | None = column("number of confined samples")
     space_check: dict[str, float | None] = column(
-        "what one sample solved in the space of a narrower band changes; empty where all pillars are off by the same"
+        "change of one sample when solved in the space of a narrower band; empty for a batch deviation"
     )
     interpolation_check: dict[str, float | None] = column(
-        "what interpolation between reductions changes, with all pillars two standard deviations off in every way; empty where "
-        "all pillars are off by the same",
+        "error of the interpolation between reductions, with all pillars two standard deviations from nominal; empty "
+        "for a batch deviation",
         default_factory=dict,
     )
     frequency_error: float | None = column(
-        "half-width of the error bar of every frequency, relative, where a column of cells stands for the plate",
+        "relative error bar of every frequency (half-width), if a column of cells represents the plate",
         default=None,
     )
 
-    tolerance_peak_hz = figure_at("peak_hz.mean", "peak, pillars unlike: mean", "Hz", error="peak_hz.relative")
+    tolerance_peak_hz = figure_at("peak_hz.mean", "peak with scatter: mean", "Hz", error="peak_hz.relative")
     tolerance_peak_spread_hz = figure_at(
         "peak_hz.deviation", "its spread", "Hz", is_difference=True,
         error=lambda result: result.peak_hz and result.peak_hz.spread_error(result.counted),
     )  # fmt: skip
     tolerance_db = figure_at(
-        "confinement_db.mean", "confinement, pillars unlike: mean", "dB", error="confinement_db.deviation"
+        "confinement_db.mean", "confinement with scatter: mean", "dB", error="confinement_db.deviation"
     )
     tolerance_spread_db = figure_at(
         "confinement_db.deviation", "its spread", "dB",
         error=lambda result: result.confinement_db and result.confinement_db.spread_error(result.counted),
     )  # fmt: skip
-    tolerance_worst_db = figure_at("confinement_db.lowest", "the worst", "dB", error="confinement_db.deviation")
+    tolerance_worst_db = figure_at("confinement_db.lowest", "its worst value", "dB", error="confinement_db.deviation")
 
     @property
     def counted(self) -> int:
-        """How many samples the statistics are of."""
+        """Number of samples in the statistics."""
         return len(self.samples) - self.lost
 
     def to_rows(self) -> list[dict[str, Any]]:
-        """Return a row a sample; the rms under a name with its unit, and what drives alone has where something drives."""
+        """Return one row per sample; rms columns carry their unit, and driven columns exist only with an excitation."""
         rows = super().to_rows()
         if not self.rms_unit:
             return [{name: row[name] for name in ("sample", "peak_hz", "confinement_db", "tracking")} for row in rows]
@@ -94,7 +94,7 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
     # -- words and pictures
 
     def lines(self) -> Iterator[str]:
-        """Yield what was varied, the samples and their statistics."""
+        """Yield the deviations, the samples and their statistics."""
         yield self._varied()
         yield self.reading(("sample",))
         yield from self.summary()
@@ -106,8 +106,8 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
             return f"{self.pillars} pillars, driven by {self.drive}"
         level = self.plate_design and column_level_error_db(self.nominal.confinement_db, self.plate_design.nodal_lines)
         return (
-            f"{self.pillars} pillars, all of a plate off by the same; one column of cells stands for the plate, within "
-            f"{percent(self.frequency_error)} of its frequency"
+            f"{self.pillars} pillars, one deviation shared by all of a plate; a column of cells represents the plate, "
+            f"within {percent(self.frequency_error)} of its frequency"
             + (f" and {figure(level, level)} dB of its confinement" if level else "")
         )
 
@@ -132,16 +132,16 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
             )
         off_hz, off_db = (self.interpolation_check.get(name) for name in ("peak_hz", "confinement_db"))
         if off_hz is not None:
-            of_level = "" if off_db is None else f" and {figure(off_db, off_db or None)} dB of its confinement"
+            of_level = "" if off_db is None else f" and its confinement by {figure(off_db, off_db or None)} dB"
             yield (
-                f"with all pillars {CUT * CHECKED:g} standard deviations off, interpolation between reductions misses "
-                f"{figure(off_hz, off_hz or None)} Hz of the peak{of_level}"
+                f"with all pillars {CUT * CHECKED:g} standard deviations from nominal, interpolation between "
+                f"reductions changes the peak by {figure(off_hz, off_hz or None)} Hz{of_level}"
             )
         if self.lost:
-            yield f"{self.lost} of {len(self.samples)} plates lost the target mode: no mode has its shape"
+            yield f"{self.lost} of {len(self.samples)} plates lost the target mode: no mode has the target shape"
 
     def draw(self, ax: Axes) -> None:
-        """Draw each plate's peak and its driven confinement there, the nominal plate marked."""
+        """Draw peak and driven confinement of each plate, the nominal plate marked."""
         both = [(one.peak_hz, one.confinement_db) for one in (self.nominal, *self.samples) if one.peak_hz is not None]
         tone, decibels = np.reshape(np.array(both, dtype=float), (-1, 2)).T
         ax.plot(tone[1:] / KHZ, decibels[1:], "o", ms=4, color=style.BLUE, label="samples")
@@ -157,15 +157,15 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         ax.legend(**FRAME)
 
     def pictures(self) -> list[ReportFigure]:
-        """Return curves over frequency, where there are any, and each plate's peak with its confinement."""
+        """Return the picture of curves over frequency, if any, and of each plate's peak and confinement."""
         curves = self.arrays.get("tolerance_curves")
         drawn = [self._draw_curves] * (curves is not None) + [self.draw] * bool(self.confinement_db)
         figure, panels = style.panels(0.4 + 2.6 * len(drawn), len(drawn), 1, squeeze=False)
         for panel, draw in zip(panels[:, 0], drawn, strict=True):
             draw(panel)
-        title = "What pillars that are all off alike do to the target mode"
+        title = "Effect of batch deviations on the target mode"
         if curves is not None:
-            title = "What printed pillars do to the response"
+            title = "Effect of printing scatter on the response"
         return [style.ReportFigure("tolerance", title, self._alt(), figure, vector=True)]
 
     def _draw_curves(self, ax: Axes) -> None:
@@ -182,7 +182,7 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         ax.legend(**FRAME)
 
     def _levels(self, to_worst: str) -> str:
-        """Mean, spread and least of the samples' confinement, with the digits that the spread allows."""
+        """Mean, spread and worst confinement of the samples, with the digits that the spread allows."""
         found = self.confinement_db
         assert found is not None
         mean, worst = (level(each, found.deviation) for each in (found.mean, found.lowest))
@@ -190,7 +190,7 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
     def _alt(self) -> str:
         alike = self.frequency_error is not None
-        plates = "plates whose pillars are all off by the same" if alike else "plates whose pillars differ"
+        plates = "plates, each with one deviation of all its pillars" if alike else "plates whose pillars differ"
         peak, tone = self.peak_hz, self.nominal.peak_hz
         if not peak:
             return f"None of {len(self.samples)} {plates} kept the target mode."
@@ -206,13 +206,15 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
 
 class _Drawn(Declared):
-    """Plates drawn with deviations."""
+    """Options of a random sample of plates."""
 
     samples: int | None = option(default=None, at_least=1, at_most=MAX_SAMPLES, help=SAMPLES)
-    seed: int | None = option(default=None, at_least=1, at_most=MAX_SEED, help="of the draw (default: the case's, 1)")
+    seed: int | None = option(
+        default=None, at_least=1, at_most=MAX_SEED, help="random seed of the samples (default: the case's, 1)"
+    )
 
     def asked_of(self, case: Case) -> Case:
-        """Return the case with as many samples and the seed that are asked for."""
+        """Return the case with the requested number of samples and seed."""
         given = case.tolerance
         if given is None:
             return case
@@ -227,7 +229,7 @@ class Tolerance(
     drives=True,
     example="tolerance studies/three-rows.toml --set tolerance.height_mm=0.05 --samples 20 --out spread",
 ):
-    """Compute how far peak (Hz) and confinement (dB) move when no two pillars are alike ([tolerance] in the case).
+    """Compute the spread of peak (Hz) and confinement (dB) when every pillar differs (requires [tolerance]).
 
     >>> from antinode import Scatter, load
     >>> plate = load("examples/small.toml", accuracy=0.1, tolerance=Scatter(height_mm=0.05, samples=2))
@@ -239,7 +241,7 @@ class Tolerance(
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
 
     def check(self, case: Case) -> None:
-        """Raise InputError for a case without pillars or without deviations."""
+        """Raise InputError for a case without pillars or deviations."""
         case.require_plate(command="tolerance")
         case.require("tolerance", "pillar", command="tolerance")
 
@@ -269,9 +271,9 @@ class Tolerance(
 
 
 class AlikeTolerance(_Drawn, Question[ToleranceResult], instead_of="tolerance", by="alike"):
-    """Compute how far peak (Hz) and confinement (dB) move when all pillars of a plate are off by the same.
+    """Compute the spread of peak (Hz) and confinement (dB) by a batch deviation, shared by all pillars of a plate.
 
-    The plates of a batch are answered from the bases of `antinode explore`, by one column of cells each.
+    Each plate of the batch is represented by one column of cells, from the reduced bases of `antinode explore`.
 
     >>> from antinode import Scatter, load
     >>> plate = load("examples/small.toml", tolerance=Scatter(height_mm=0.05, samples=2))
@@ -281,7 +283,7 @@ class AlikeTolerance(_Drawn, Question[ToleranceResult], instead_of="tolerance", 
 
     alike: bool = option(
         default=False,
-        help="all pillars of a plate off by the same, plates of a batch apart: answered from the bases of antinode explore",
+        help="sample batch deviations, each shared by all pillars of a plate (uses the bases of antinode explore)",
     )
 
     def check(self, case: Case) -> None:
@@ -295,7 +297,7 @@ class AlikeTolerance(_Drawn, Question[ToleranceResult], instead_of="tolerance", 
 
         assert case.tolerance
         step = plans.plain_step(
-            "tolerance", f"{case.tolerance.samples} plates of a batch", "a column of parametric cells each"
+            "tolerance", f"{case.tolerance.samples} plates of a batch", "one column of parametric cells each"
         )
         return plans.plan_of(case, replace(step, left_out=(FIXED,) if case.tolerance.position_m else ()))
 
@@ -320,13 +322,13 @@ class AlikeTolerance(_Drawn, Question[ToleranceResult], instead_of="tolerance", 
 
 
 def _report(result: ToleranceResult, solved: VariedPlates, band_hz: Pair, run: Run) -> None:
-    """Log the statistics; warn of plates whose mode lies outside the band or is lost, and of a space that is too small."""
+    """Log the statistics; warn of modes outside the band or lost, and of a reduced space that is too small."""
     said = list(result.summary())
     for line in said:
         run.info(line)
     peaks, levels = (spread_of(known(result.samples, name)) for name in ("peak_hz", "confinement_db"))
     if peaks and (peaks.lowest <= band_hz[0] or peaks.highest >= band_hz[1]):
-        run.warning("PEAK_AT_END", "a sample's target mode lies outside the band: widen it")
+        run.warning("PEAK_AT_END", "the target mode of a sample lies outside the band: widen it")
     if result.lost:
         run.warning("LOST", said[-1])
     nominal, (change, louder) = (
@@ -336,8 +338,8 @@ def _report(result: ToleranceResult, solved: VariedPlates, band_hz: Pair, run: R
     moved, apart = (MOVED * ((each and each.deviation) or 0.0) for each in (peaks, levels))
     small = "a narrower space of modes"
     if change is not None and nominal and change > max(moved, 0.1 * nominal * solved.loss):
-        text = f"{small} moves a sample's peak by {figure(change, change)} Hz: widen the band"
+        text = f"{small} moves the peak of a sample by {figure(change, change)} Hz: widen the band"
         run.warning("SPACE_TOO_SMALL", text)
     if louder is not None and louder > max(apart, ALIKE_DB):
-        text = f"{small} changes a sample's confinement by {figure(louder, louder)} dB: widen the band"
+        text = f"{small} changes the confinement of a sample by {figure(louder, louder)} dB: widen the band"
         run.warning("SPACE_TOO_SMALL", text)

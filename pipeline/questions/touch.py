@@ -1,4 +1,4 @@
-"""A finger on the driven plate: the target mode under it, amplitude and friction, the loop's drive, power, a map of places."""
+"""Fingertip on the driven plate: target mode, amplitude, friction, drive of the loop, power, map of positions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.records.part import column
 
 
 class TouchResult(Result, table="states", axes=("state",)):
-    """A finger on the driven plate: amplitudes in m, powers in W, friction over that at rest; a row a state.
+    """Fingertip on the driven plate: amplitudes in m, powers in W, friction relative to rest; one row per state.
 
     >>> import antinode
     >>> [name for name, about in antinode.Touch.declared.items() if about.unit == "m"]
@@ -24,32 +24,32 @@ class TouchResult(Result, table="states", axes=("state",)):
 
     model: str = column("model of the plate and its element order, and the number of patches")
     dof: int = column("degrees of freedom that were solved for")
-    fingertip: str = column("name of the finger's impedance")
-    source: str = column("where its values come from")
-    at_m: list[float] = column("middle of the contact", "m")
+    fingertip: str = column("name of the fingertip impedance")
+    source: str = column("source of its values")
+    at_m: list[float] = column("centre of the contact", "m")
     radius_m: float = column("radius of the contact", "m")
     impedance_N_s_m: list[float] = column("impedance at the target mode, real and imaginary", "N s/m")
-    force_N: float | None = column("force of the finger; None where the case gives none", "N")
-    gap_m: list[float] | None = column("the smallest and the largest gap of air; None where the case gives none", "m")
-    quality_factor_given: float = column("quality factor that the case gives")
-    mode: LoadedModeRecord | None = column("the target mode under the finger; None where none is left")
-    states: list[TouchStateRecord] = column("one way of driving each; what cannot be is not there")
-    loop: LoopRecord | None = column("the closed loop's drive; None without a sensor")
-    map: TouchMapRecord | None = column("the finger at every place of the touch face; None where it was not asked for")
-    unknown: list[str] = column("why a figure is missing, a sentence each")
+    force_N: float | None = column("normal force of the finger; None if not given", "N")
+    gap_m: list[float] | None = column("smallest and largest air gap; None if not given", "m")
+    quality_factor_given: float = column("quality factor given in the case")
+    mode: LoadedModeRecord | None = column("target mode under the finger; None if none is left")
+    states: list[TouchStateRecord] = column("one entry per way of driving; impossible ones are omitted")
+    loop: LoopRecord | None = column("drive of the closed loop; None without a sensor")
+    map: TouchMapRecord | None = column("finger at every position of the touch face; None if not requested")
+    unknown: list[str] = column("reasons for missing figures, one sentence each")
 
     def state(self, name: str) -> TouchStateRecord | None:
-        """Return a state by its name; None where it cannot be."""
+        """Return a state by name; None if it is impossible."""
         return self.by_state.get(name)
 
     @property
     def by_state(self) -> dict[str, TouchStateRecord]:
-        """The states by their names."""
+        """States by name."""
         return {state.state: state for state in self.states}
 
     touch_shift_hz = figure_at("mode.shift_hz", "detuning by the finger", "Hz", is_difference=True, is_signed=True)
     touch_quality_factor = figure_at("mode.quality_factor", "quality factor under the finger")
-    touch_share = figure_at("mode.share", "share of the target mode under the finger")
+    touch_share = figure_at("mode.share", "fraction of the target mode under the finger")
     free_um = figure_at("by_state.free.finger_m", "amplitude at the finger, free", "um", scale=UM)
     free_db = figure_at("by_state.free.confinement_db", "confinement, free", "dB")
     free_mw_at_1um = figure_at("by_state.free.drawn_mW_at_1um", "power at 1 um, free", "mW")
@@ -62,14 +62,14 @@ class TouchResult(Result, table="states", axes=("state",)):
     shaped_db = figure_at("by_state.shaped.confinement_db", "confinement, shaped", "dB")
     shaped_mw_at_1um = figure_at("by_state.shaped.drawn_mW_at_1um", "power at 1 um, shaped", "mW")
     shaped_v_at_1um = figure_at("by_state.shaped.drive_V_at_1um", "drive at 1 um, shaped", "V")
-    touch_friction_low = figure_at("by_state.touched.friction_low", "friction at the low gap over that at rest", "")
-    touch_friction_high = figure_at("by_state.touched.friction_high", "friction at the high gap over that at rest", "")
-    touch_needed_v = figure_at("loop.needed_V", "drive that holds the sensor's amplitude", "V")
+    touch_friction_low = figure_at("by_state.touched.friction_low", "friction at the low gap, relative to rest", "")
+    touch_friction_high = figure_at("by_state.touched.friction_high", "friction at the high gap, relative to rest", "")
+    touch_needed_v = figure_at("loop.needed_V", "drive to hold the sensor amplitude", "V")
 
     # -- words
 
     def lines(self) -> Iterator[str]:
-        """Yield the finger, the mode under it, each state, the loop's drive, and why figures are missing."""
+        """Yield the finger, the mode under it, each state, the drive of the loop, and reasons for missing figures."""
         real, imaginary = self.impedance_N_s_m
         place = ", ".join(in_digits(each / MM, 0.0) for each in self.at_m)
         yield (
@@ -90,14 +90,14 @@ class TouchResult(Result, table="states", axes=("state",)):
     # -- pictures
 
     def draw(self, ax: Axes) -> None:
-        """Draw the amplitude under the finger at each place, the free plate's nodes as lines; without a map the states'."""
+        """Draw the amplitude at each position of the finger and the nodal lines; without a map the states."""
         if self.map is None:
             sizes = [state.finger_m / UM for state in self.states]
             ax.barh([state.state for state in self.states], sizes, color=style.BLUE)
             ax.set(xlabel="amplitude at the finger (µm)")
             return
         x_m, y_m, touched = self.map.x_m, self.map.y_m, np.array(self.map.touched_m) / UM
-        title = f"Finger at each place, {_tone(self.map)}; lines: nodes of the free plate"
+        title = f"Finger at each position, {_tone(self.map)}; lines: nodal lines of the free plate"
         fields.field(ax, x_m, y_m, touched, "amplitude (µm)", title)
         if len(x_m) > 1 and len(y_m) > 1:
             grid = np.array(x_m) / MM, np.array(y_m) / MM, np.array(self.map.displacement_m).T
@@ -105,15 +105,15 @@ class TouchResult(Result, table="states", axes=("state",)):
         ax.plot(self.at_m[0] / MM, self.at_m[1] / MM, "+", color=style.VERMILION, ms=9)
 
     def pictures(self) -> list[ReportFigure]:
-        """Return amplitude and friction under the finger over its place, the drive of the loop; without a map the states."""
+        """Return the pictures of amplitude, friction and drive over the finger's position; without a map the states."""
         if self.map is None:
             return super().pictures()
         count = 1 + (self.map.friction is not None) + (self.map.needed_V is not None)
         drawn, panels = fields.panels(count, self.plate_design and self.plate_design.width_m)
         self.draw(panels[0])
         more = {
-            "friction over that at rest": ("Friction, where it can be told", self.map.friction),
-            "drive (V)": ("Drive that holds the sensor's amplitude", self.map.needed_V),
+            "friction relative to rest": ("Friction, where an estimate exists", self.map.friction),
+            "drive (V)": ("Drive to hold the sensor amplitude", self.map.needed_V),
         }
         known = [(label, *each) for label, each in more.items() if each[1] is not None]
         for axes, (label, title, values) in zip(panels[1:], known, strict=True):
@@ -127,9 +127,9 @@ class TouchResult(Result, table="states", axes=("state",)):
         half, here = places.touched_error_m, ""
         if state := self.state("touched"):
             bar = scaled(state.finger_error_m, UM)
-            here = f"; {with_bar(state.finger_m / UM, bar, 'µm')} where the case puts the finger"
+            here = f"; {with_bar(state.finger_m / UM, bar, 'µm')} at the finger position of the case"
         return (
-            f"Amplitude under {self.fingertip} at {touched.size} places of the touch face, {_tone(places)}: "
+            f"Amplitude under {self.fingertip} at {touched.size} positions on the touch face, {_tone(places)}: "
             f"at most {with_bar(touched[i, j], None if half is None else half[i][j] / UM, 'µm')}, at {there}{here}"
         )
 
@@ -173,7 +173,7 @@ def _loop_in_words(loop: LoopRecord) -> str:
     verdict = ": the amplifier saturates" if loop.saturates else ""
     needed = with_bar(loop.needed_V, loop.needed_error_V, "V")
     sensor = with_bar(loop.sensor_V, loop.sensor_error_V, "V")
-    return f"closed loop: {needed} hold the sensor's amplitude of {sensor}, {limit}{verdict}"
+    return f"closed loop: {needed} hold the sensor amplitude at {sensor}, {limit}{verdict}"
 
 
 class Touch(
@@ -182,7 +182,7 @@ class Touch(
     drives=True,
     example="touch examples/touch-plate.toml --out touched",
 ):
-    """Put a finger on the driven plate: detuning in Hz, amplitude and friction under it, power ([touch] in the case).
+    """Compute detuning (Hz), amplitude, friction and power with a finger on the driven plate (requires [touch]).
 
     >>> from antinode import Finger, Patches, load
     >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
@@ -193,15 +193,15 @@ class Touch(
 
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
     mapped: bool = option(
-        default=True, flag="map", help="the finger at every place of the touch face, too (--no-map leaves that out)"
+        default=True, flag="map", help="also place the finger at every position on the touch face (--no-map to skip)"
     )
 
     def plan(self, case: Case) -> Plan:
-        """Plan a finger on the driven plate: it moves every symmetry class."""
+        """Plan a finger on the driven plate, which excites every symmetry class."""
         step, touch = plans.response_step(case, hz(self.band_kHz), 1), case.touch
         assert touch is not None and case.patches is not None
         left_out = tuple(each for each in step.left_out if each.rule != "undriven_classes")
-        places = ", and at every place of a map" * self.mapped
+        places = ", and at every position of a map" * self.mapped
         looks = f"the target mode under {touch.tip.name} and free{places}; {case.patches.count} patches"
         classes = step.classes if step.classes == ("whole",) else simplifications.CLASSES
         about = {"measure": self.name, "name": "a finger on the plate", "classes": classes, "looks_for": looks}

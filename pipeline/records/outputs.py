@@ -1,4 +1,4 @@
-"""Places that a command writes to, looked at before anything is computed; tables as text, CSV, Markdown, for pandas."""
+"""Output places of a command, checked before computing; tables as text, CSV, Markdown and for pandas."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from pipeline.quantity import Unit
 from pipeline.records.store import StoreError, write_atomic
 
 STANDARD_OUTPUT = "-"
-DOCUMENTS = ("json", "csv", "markdown")  # what a command writes where an option says, or alone on standard output
-FORMULA = ("=", "+", "-", "@", "\t", "\n")  # what begins a formula in some spreadsheet
-RIGID = 1e-4  # of the largest frequency of a table: with a bar of 0 below it, a rigid-body wave at rest
-UNREAD = ("residual",)  # for whoever checks a solver: in files alone
+DOCUMENTS = ("json", "csv", "markdown")  # documents written to a file or, one of them, to standard output
+FORMULA = ("=", "+", "-", "@", "\t", "\n")  # first characters of a formula in some spreadsheets
+RIGID = 1e-4  # relative to the largest frequency of a table: a smaller one with an error bar of 0 is a rigid-body wave
+UNREAD = ("residual",)  # for checking a solver: only in files
 
-# bars that decide digits, and stand in files alone
+# error bars that set the digits, and appear only in files
 UNREAD_BARS = re.compile(r"band_\d+_error|(zone_share|mac|strength)_error")
 
-OF_ITS_OWN = ("quantity", "value")  # a row's name of a figure, and the figure
+OF_ITS_OWN = ("quantity", "value")  # columns with the name of a figure, and its value
 
-BARS = {  # named after more than their figure
+BARS = {  # error bars not named after their figure
     "frequency_hz": "error",
     "db_per_row": "db_error",
     "quality_factor": "quality_error",
@@ -48,7 +48,7 @@ UNITS = {
 
 
 class Form(NamedTuple):
-    """How figures of a name are shown where no bar says more: unit, factor, and whether they were given, not computed."""
+    """Format of a figure without an error bar: unit, factor, and whether it was given instead of computed."""
 
     unit: str
     factor: float = 1.0
@@ -63,6 +63,7 @@ GIVEN_HZ = Form("kHz", 1e-3, is_given=True)
 
 ENDINGS = {
     "_error_db": Form("dB"),
+    "_rms_error_m_per_V": Form("nm/V", 1e9),
     "_error": PERCENT,
     "_hz": Form("kHz", 1e-3),
     "_rms_m_per_V": Form("nm/V", 1e9),
@@ -81,9 +82,10 @@ NAMES = {
     "detuning_hz": ("detuning", GIVEN_HZ),
     "kx_per_m": ("kx", Form("rad/m", is_given=True)),
     "ky_per_m": ("ky", Form("rad/m", is_given=True)),
-    "db_per_row": ("decay per row", Form("dB")),
+    "db_per_row": ("attenuation per row", Form("dB")),
+    "zone_share": ("zone fraction", Form("")),
     "quality_error": ("± quality factor", Form("")),
-    "db_error": ("± decay per row", Form("dB")),
+    "db_error": ("± attenuation per row", Form("dB")),
     "formula_hz": ("beam formula", KHZ),
     "pinned_hz": ("pinned sides (Mindlin)", KHZ),
     "thin_clamped_hz": ("clamped sides (thin plate)", KHZ),
@@ -107,12 +109,12 @@ NAMES = {
 
 
 def is_standard_output(place: str | os.PathLike[str] | None) -> bool:
-    """Whether a place named on the command line is standard output: -, /dev/stdout and their like."""
+    """Whether a place on the command line is standard output: -, /dev/stdout and the like."""
     return bool(place) and (str(place) == STANDARD_OUTPUT or files.open_descriptor(str(place)) == 1)
 
 
 def check_places(arguments: Namespace) -> None:
-    """Before computing: InputError with a line for each place named on the command line that cannot be written."""
+    """Raise InputError, before computing, with a line for each place on the command line that cannot be written."""
     lines = []
     for name in ("out", "synthetic_data"):
         place = getattr(arguments, name, None)
@@ -124,7 +126,7 @@ def check_places(arguments: Namespace) -> None:
     each = alone | {"-o": getattr(arguments, "output", None)}
     first, *others = [option for option, place in each.items() if place and is_standard_output(place)] or [""]
     lines += [
-        f"{option} = {each[option]}: standard output takes one document, here that of {first}" for option in others
+        f"{option} = {each[option]}: standard output takes a single document, here that of {first}" for option in others
     ]
     lines += _violations("--out", _known_files(arguments))
     lines += _same_place(each | {"--plot": getattr(arguments, "plot", None)})
@@ -133,18 +135,18 @@ def check_places(arguments: Namespace) -> None:
 
 
 def check_files(option: str, places: Iterable[str | Path]) -> None:
-    """Before computing: InputError with a line for each place of an option that cannot be written."""
+    """Raise InputError, before computing, with a line for each place of an option that cannot be written."""
     if lines := _violations(option, places):
         raise InputError(lines)
 
 
 def folder_obstacle(path: str) -> str | None:
-    """Why an output folder cannot be made or written to, None when it can; nothing is made."""
+    """Return why an output folder cannot be created or written to, None if it can; nothing is created."""
     place = Path(path)
     if not path:
         return "it has no name"
     if place.is_symlink() and not place.exists():
-        return "it is a link that leads nowhere"
+        return "it is a broken link"
     nearest = next((each for each in (place, *place.parents) if each.exists()), Path())
     if not nearest.is_dir():
         return f"{nearest} is not a folder"
@@ -152,7 +154,7 @@ def folder_obstacle(path: str) -> str | None:
 
 
 def folder(path: str) -> Path:
-    """An output folder, made when it is not there. Raises InputError when it cannot be."""
+    """Return an output folder, created if missing. Raises InputError if that fails."""
     place = Path(path)
     try:
         place.mkdir(parents=True, exist_ok=True)
@@ -162,7 +164,7 @@ def folder(path: str) -> Path:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Write a file as geometry.files does. Raises InputError when the place cannot be written."""
+    """Write a file as geometry.files does. Raises InputError if the place cannot be written."""
     try:
         write_atomic(path, data)
     except StoreError as error:
@@ -171,9 +173,9 @@ def write_file(path: Path, data: bytes) -> None:
 
 @contextmanager
 def delivered(place: Path) -> Iterator[Path]:
-    """A temporary path whose content goes to a file, or to standard output, when the block ends well.
+    """Yield a temporary path whose content goes to a file or standard output if the block succeeds.
 
-    Raises InputError for a place that cannot be written and for a terminal, which bytes would leave unreadable.
+    Raises InputError for a place that cannot be written and for a terminal, which binary data would garble.
     """
     if is_standard_output(place):
         with _for_standard_output() as temporary:
@@ -189,14 +191,14 @@ def delivered(place: Path) -> Iterator[Path]:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Aligned columns of text; None shows as a dash."""
+    """Format aligned columns of text; None becomes a dash."""
     cells = [list(head), *([_shown(value) for value in row] for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
     return "\n".join("  ".join(value.rjust(width) for value, width in zip(row, widths, strict=True)) for row in cells)
 
 
 def csv_bytes(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
-    """The same as comma-separated values: full precision, nothing for None, no text that a spreadsheet would compute."""
+    """Format as comma-separated values: full precision, empty for None, no text that a spreadsheet would evaluate."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerows([no_formula(value) if isinstance(value, str) else value for value in row] for row in (head, *rows))
@@ -204,14 +206,14 @@ def csv_bytes(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
 
 
 def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown, a bar in a cell escaped."""
+    """Format a table in Markdown, vertical bars in cells escaped."""
     lines = [head, ["---"] * len(head), *rows]
     return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
 
 
 def no_formula(text: str) -> str:
-    """A cell's text with an apostrophe before what a spreadsheet would compute; numbers stay numbers."""
-    text = text.replace("\r", "\\r")  # csv leaves it unquoted, and readers take it for the end of the row
+    """Prefix a cell with an apostrophe if a spreadsheet would evaluate it; numbers stay numbers."""
+    text = text.replace("\r", "\\r")  # csv leaves it unquoted, and readers treat it as the end of the row
     if not text.startswith(FORMULA):
         return text
     try:
@@ -222,7 +224,7 @@ def no_formula(text: str) -> str:
 
 
 def named(name: str) -> tuple[str, Form]:
-    """The words and the form of a figure by its name in files: band_1_hz -> band 1, in kHz."""
+    """Return heading and format of a figure from its name in files: band_1_hz -> band 1, in kHz."""
     if name in NAMES:
         return NAMES[name]
     if name == "error":
@@ -235,7 +237,7 @@ def named(name: str) -> tuple[str, Form]:
 
 
 def bar_of(name: str, head: Collection[str]) -> str | None:
-    """The column that holds a figure's bar; None where there is none."""
+    """Return the column with the error bar of a figure; None if there is none."""
     if "error" in name:
         return None
     parts = name.split("_")
@@ -245,12 +247,12 @@ def bar_of(name: str, head: Collection[str]) -> str | None:
 
 
 def is_relative(name: str, bar: str) -> bool:
-    """Whether a figure's bar is relative: that of a frequency, where it has no unit of its own."""
+    """Whether an error bar is relative: that of a frequency, unless it has its own unit."""
     return name.endswith("_hz") and not bar.endswith("_hz")
 
 
 def shown(name: str, value: Any, form: Form) -> Any:
-    """A figure without a bar in its form, a bar with its own digits; what is no floating-point number as it is."""
+    """Format a figure without an error bar, or an error bar; anything but a float stays unchanged."""
     if not isinstance(value, float):
         return value
     if form.unit == "%":
@@ -263,14 +265,14 @@ def shown(name: str, value: Any, form: Form) -> Any:
 
 
 def frequency_unit(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> Unit:
-    """The unit of all frequencies of a table: that of the largest."""
+    """Return the unit of all frequencies of a table: that of the largest."""
     values = [value for row in rows for name, value in zip(head, row, strict=True) if name.endswith("_hz")]
     known = [value for value in values if isinstance(value, float)]
     return quantity.frequency_unit(known) if known else Unit(ENDINGS["_hz"].unit, 1.0 / ENDINGS["_hz"].factor)
 
 
 def cells(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str], list[list[Any]]]:
-    """Words with units for a head, and rows of figures with the digits that their bars allow; None stays None."""
+    """Return headings with units, and rows of figures with the digits that their error bars allow; None stays None."""
     unit = frequency_unit(head, rows)
     known = {name: _in_unit(form, unit) if name.endswith("_hz") else form for name in head for form in [named(name)[1]]}
     read = [name for at, name in enumerate(head) if not (UNREAD_BARS.fullmatch(name) or _is_empty_bar(name, at, rows))]
@@ -298,9 +300,9 @@ def cells(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str]
 
 
 def filled(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str], list[list[Any]]]:
-    """Head and rows without the columns that nobody reads or that have no meaning here: nothing in any row.
+    """Return head and rows without unread columns and those that are empty in every row.
 
-    An empty column of bars stays: its figures have no estimate, and the digits of such.
+    An empty column of error bars stays: its figures have no estimate, which sets their digits.
     """
     bars = {bar_of(name, head) for name in head}
     some = [at for at in range(len(head)) if not rows or head[at] in bars or any(row[at] is not None for row in rows)]
@@ -309,7 +311,7 @@ def filled(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str
 
 
 def reading_table(head: Sequence[str], rows: Iterable[Sequence[Any]], marked: Collection[int] = ()) -> str:
-    """Aligned columns under words with units; the rows whose numbers are `marked` begin with a star."""
+    """Format aligned columns under headings with units; rows with `marked` numbers begin with a star."""
     first, *lines = table(*_in_words(head, rows)).splitlines()
     if not marked:
         return "\n".join([first, *lines])
@@ -317,13 +319,13 @@ def reading_table(head: Sequence[str], rows: Iterable[Sequence[Any]], marked: Co
 
 
 def reading_markdown(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """The same as a table in Markdown, without the columns that are empty."""
+    """Format a table for reading in Markdown, without empty columns."""
     heading, cells = _in_words(*filled(head, rows))
     return markdown(heading, [["-" if cell is None else str(cell) for cell in row] for row in cells])
 
 
 def unit_of(name: str) -> str | None:
-    """The unit at the end of a column's name; None for a name without one.
+    """Return the unit at the end of a column's name; None for a name without one.
 
     >>> from pipeline.records.outputs import unit_of
     >>> unit_of("zone_rms_m_per_V"), unit_of("kx_per_m"), unit_of("mac")
@@ -334,12 +336,12 @@ def unit_of(name: str) -> str | None:
 
 
 def frame(rows: Sequence[dict[str, Any]], heading: Sequence[str] = ()) -> Any:
-    """The rows as a pandas DataFrame, of these columns where there is no row. Raises ImportError without pandas."""
+    """Return the rows as a pandas DataFrame, with the columns `heading` if empty. Raises ImportError without pandas."""
     return _needed("pandas").DataFrame(list(rows), columns=None if rows else list(heading))
 
 
 def dataset(rows: Sequence[dict[str, Any]], dimensions: Sequence[str]) -> Any:
-    """The rows as an xarray Dataset over columns that number them; `units` in the attributes.
+    """Return the rows as an xarray Dataset over the index columns; `units` in the attributes.
 
     Raises ImportError without pandas and xarray.
     """
@@ -352,7 +354,7 @@ def dataset(rows: Sequence[dict[str, Any]], dimensions: Sequence[str]) -> Any:
 
 
 def html_table(names: Sequence[str], rows: Sequence[Sequence[Any]], marked: Collection[int] = ()) -> str:
-    """Rows as an HTML table with units in its head, digits by the bars; the `marked` ones in bold with a star.
+    """Format rows as an HTML table, units in the head, digits by the error bars; `marked` rows bold, with a star.
 
     >>> from pipeline.records.outputs import html_table
     >>> html_table(["confinement_db"], [[11.52], [None]], [0])[-66:]
@@ -372,7 +374,7 @@ def html_table(names: Sequence[str], rows: Sequence[Sequence[Any]], marked: Coll
 
 
 def _same_place(places: Mapping[str, str | None]) -> list[str]:
-    """One line for each option whose file an earlier option writes, too."""
+    """Return one line for each option that writes the same file as an earlier one."""
     first: dict[str, str] = {}
     lines = []
     for option, place in places.items():
@@ -380,12 +382,12 @@ def _same_place(places: Mapping[str, str | None]) -> list[str]:
             continue
         other = first.setdefault(os.path.realpath(place), option)
         if other != option and not Path(place).is_char_device():
-            lines.append(f"{option} = {place}: {other} writes this file, too; name another one")
+            lines.append(f"{option} = {place}: {other} also writes this file; choose another name")
     return lines
 
 
 def _violations(option: str, places: Iterable[str | Path | None]) -> list[str]:
-    """One line a reason: several files that lack the same folder are one fault."""
+    """Return one line per reason: several files that lack the same folder are one fault."""
     first: dict[str, str | Path] = {}
     for place in places:
         if place is not None and (reason := _obstacle(place)):
@@ -400,7 +402,7 @@ def _obstacle(place: str | Path) -> str | None:
 
 
 def _known_files(arguments: Namespace) -> list[Path]:
-    """Files that stand where a command is known to write one into its folders."""
+    """Return existing files at the places where a command writes into its folders."""
     into, measured = getattr(arguments, "out", None), getattr(arguments, "synthetic_data", None)
     known = [Path(into, f"{arguments.command}{ending}") for ending in (".json", ".csv")] if into else []
     known += [Path(measured, name) for name in ("sweep.csv", "field.csv")] if measured else []
@@ -410,7 +412,7 @@ def _known_files(arguments: Namespace) -> list[Path]:
 @contextmanager
 def _for_standard_output() -> Iterator[Path]:
     if sys.stdout.isatty():
-        raise InputError("-o -: standard output is a terminal; send it to a file or a pipe")
+        raise InputError("-o -: standard output is a terminal; redirect it to a file or a pipe")
     with tempfile.TemporaryDirectory(prefix="antinode-") as place:
         temporary = Path(place, "output")
         yield temporary
@@ -443,7 +445,7 @@ def _in_words(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> tuple[list[
 
 
 def _one_quantity(row: dict[str, Any], bar: float | None) -> list[Any]:
-    """A row in its own figure's unit; of a part by theory, which has no bar, a figure has few digits."""
+    """Format a row in the unit of its own figure; figures by theory, without an error bar, get few digits."""
     name, value = (row[key] for key in OF_ITS_OWN)
     words, form = named(name)
     text: Any = shown(name, value, form)

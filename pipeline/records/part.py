@@ -1,4 +1,4 @@
-"""Parts of answers, declared once: `column` says what each field means, from which tables, documents and readers follow.
+"""Parts of answers, declared once: `column` describes each field, from which tables, documents and readers follow.
 
 A part is a frozen dataclass of plain values, laid out as its JSON document. Only the standard library is imported here, so that
 the help of a command stays quick.
@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Self, dataclass_transform, get_args, get_type_
 
 DOCUMENT_SCHEMA = 2  # of JSON documents and of a study's list of cases
 ABOUT = "about"
-BAR = "half-width of the error bar of {}; None without an estimate"  # what the column of an error bar means
+BAR = "error bar of {} (half-width); None without an estimate"  # description of an error bar's column
 Axis = tuple[str, ...]
 
 
@@ -25,16 +25,16 @@ Axis = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Column:
-    """What a field means, for the reference and for xarray's attributes, and how it stands in tables."""
+    """Description of a field, for the reference and for xarray's attributes, and its place in tables."""
 
     about: str
     unit: str = ""
-    along: Axis = ()  # axes of its lists, the slowest first; a field named like its axis holds the axis's own values
-    name: str = ""  # of its column in tables, where that is not its own
-    error: str = ""  # the field with the half-width of its error bar
-    parts: Axis = ()  # columns of the entries of one more axis, such as the real and the imaginary part
-    table: bool = True  # whether it stands in tables
-    spread: bool = False  # of a part: whether its own columns stand in the table
+    along: Axis = ()  # axes of its lists, the slowest first; a field named like its axis contains the axis values
+    name: str = ""  # name of its column in tables, if different
+    error: str = ""  # field with its error bar (half-width)
+    parts: Axis = ()  # column names for the entries of one more axis, such as real and imaginary part
+    table: bool = True  # whether it appears in tables
+    spread: bool = False  # of a part: whether its columns appear in the table
 
 
 def column(
@@ -50,33 +50,33 @@ def column(
     default: Any = MISSING,
     default_factory: Any = MISSING,
 ) -> Any:
-    """Declare a field of a part by the words of `Column`; default, default_factory: as `dataclasses.field` takes them."""
+    """Declare a field of a part with the fields of `Column`; default, default_factory: as in `dataclasses.field`."""
     axes = (along,) if isinstance(along, str) else along
     declared = Column(about, unit, axes, name, error, parts, table, spread)
     return field(default=default, default_factory=default_factory, metadata={ABOUT: declared})
 
 
 def bar(of: str, unit: str = "", **options: Any) -> Any:
-    """Declare the half-width of the error bar of a field, None without an estimate. Options as `column` takes them."""
+    """Declare the error bar of a field (half-width), None without an estimate. Options as in `column`."""
     return column(BAR.format(of), unit, **{"default": None} | options)
 
 
 def live(*, default: Any = None, default_factory: Any = MISSING) -> Any:
-    """Declare a field that lives in memory alone: shapes, a solved model. A result that was read from a file lacks it."""
+    """Declare a field that exists only in memory: shapes, a solved model. A result read from a file lacks it."""
     given = {"default": default} if default_factory is MISSING else {"default_factory": default_factory}
     return field(**given, compare=False, repr=False)
 
 
 class Frozen:
-    """What never changes once it is made: no public attribute can be set or removed."""
+    """Immutable object: no public attribute can be set or removed."""
 
     def __setattr__(self, name: str, value: Any) -> None:
         if not name.startswith("_"):
-            raise FrozenInstanceError(f"cannot assign to {name!r}: a {type(self).__name__} never changes")
+            raise FrozenInstanceError(f"cannot assign to {name!r}: a {type(self).__name__} is immutable")
         object.__setattr__(self, name, value)
 
     def __delattr__(self, name: str) -> None:
-        raise FrozenInstanceError(f"cannot delete {name!r}: a {type(self).__name__} never changes")
+        raise FrozenInstanceError(f"cannot delete {name!r}: a {type(self).__name__} is immutable")
 
 
 # -- parts -------------------------------------------------------------------------------------------------------------
@@ -86,7 +86,7 @@ class Frozen:
 class Part:
     """A part of a result: frozen fields of plain values. NaN becomes None, arrays lists, complex numbers pairs."""
 
-    question: ClassVar[str] = ""  # that it answers; set by the question
+    question: ClassVar[str] = ""  # the question that it answers; set by the question
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}  # type: ignore[misc]
     declared: ClassVar[dict[str, Column]] = {}
 
@@ -100,13 +100,13 @@ class Part:
 
     @classmethod
     def of(cls, source: Any, **more: Any) -> Self:
-        """Return the part with the fields that an object of the same names holds, and more."""
+        """Build the part from an object's fields of the same names, and more."""
         known = {name: getattr(source, name) for name in cls.declared if name not in more and hasattr(source, name)}
         return cls(**known, **more)
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
-        """Return the part that `to_dict` wrote. Raises pydantic.ValidationError for fields that are not its own."""
+        """Read the part that `to_dict` wrote. Raises pydantic.ValidationError for unknown fields."""
         read: Self = _reader(cls).validate_python(dict(given))  # type: ignore[arg-type]
         return read
 
@@ -117,15 +117,15 @@ class Part:
         return {n for n in cls.declared if given[n].default is MISSING and given[n].default_factory is MISSING}
 
     def stored(self) -> Self:
-        """Return the part as it is read back: its declared fields alone, nothing that lives in memory."""
+        """Return the part as read back from a file: only its declared fields, nothing that exists in memory."""
         return type(self).from_dict(self.values())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the declared fields as JSON has them."""
+        """Return the declared fields as JSON values."""
         return self.values()
 
     def values(self) -> dict[str, Any]:
-        """Return the declared fields as JSON has them."""
+        """Return the declared fields as JSON values."""
         return {name: _written(getattr(self, name)) for name in self.declared}
 
 
@@ -137,14 +137,14 @@ def _reader(kind: type[Part]) -> Any:
 
 
 def part_of(kind: type[Part], name: str) -> type[Part]:
-    """Return the class of a part that a field holds: itself, or as the items of a list."""
+    """Return the class of the part in a field, directly or as the items of a list."""
     hint = get_type_hints(kind)[name]
     held: type[Part] = next((each for each in get_args(hint) if isinstance(each, type)), hint)
     return held
 
 
 def plain(given: Any) -> Any:
-    """Return a value as JSON has it, parts as they are: None for numbers that are none, lists, pairs for complex numbers."""
+    """Convert a value to JSON, parts unchanged: None for NaN, lists for arrays, pairs for complex numbers."""
     if isinstance(given, str | bool | int | Part) or given is None:
         return given
     if isinstance(given, float):
@@ -174,12 +174,12 @@ def _written(value: Any) -> Any:
 
 
 def rows_of(whole: Part, table: str, axes: Axis) -> list[dict[str, Any]]:
-    """Return a table as dictionaries of plain values, one a row.
+    """Return a table as dictionaries of plain values, one per row.
 
     Parameters
     ----------
     whole
-        The part whose table it is.
+        The part that contains the table.
     table
         The field whose items run along the first axis; "" where its own lists run along the axes.
     axes
@@ -197,11 +197,11 @@ def rows_of(whole: Part, table: str, axes: Axis) -> list[dict[str, Any]]:
     return rows
 
 
-Entry = tuple["Part | None", str, Column]  # whose column it is (None: all cells are None), its name, what it means
+Entry = tuple["Part | None", str, Column]  # part of the column (None: all cells are None), name, description
 
 
 def _table_columns(part: Part, inner: Axis) -> list[Entry]:
-    """Return the columns of a part that stand in a table over these axes: not its parts, nor lists along other axes."""
+    """Return the columns of a part in a table over these axes, without its parts and lists along other axes."""
     out: list[Entry] = []
     for name, about in part.declared.items():
         if about.spread:
@@ -220,7 +220,7 @@ def _fits(value: Any, about: Column, axes: set[str]) -> bool:
 
 
 def _expanded(columns: list[Entry], inner: Axis) -> Iterator[dict[str, Any]]:
-    """Yield the rows of one item: what runs along an axis a row an entry, what does not repeated."""
+    """Yield the rows of one item: one row per entry along the axis, other values repeated."""
     sizes: dict[str, int] = {}
     for part, name, about in columns:
         value = getattr(part, name, None)
@@ -240,7 +240,7 @@ def _expanded(columns: list[Entry], inner: Axis) -> Iterator[dict[str, Any]]:
 
 def _entry(value: Any, index: Sequence[int]) -> Any:
     for place in index:
-        value = value[place] if value else None  # an empty list: not computed
+        value = value[place] if value else None  # an empty list was not computed
     return value
 
 

@@ -1,8 +1,8 @@
-"""What a case leaves in record.json: one class for each part, written by what computes it and read by attribute.
+"""Content of record.json: one class for each part, written by its computation and read by attribute.
 
-The fields stand here alone. Frequencies in Hz, lengths in m, levels in dB; a field is None where it has no meaning. A JSON
-document of a command holds the same parts. `SCHEMA` of `pipeline.records.store` counts the versions of this page: a record of
-another version is refused as a whole, and its case is computed again.
+Frequencies are in Hz, lengths in m, levels in dB; a field is None where it is undefined. The JSON document of a command
+contains the same parts. `SCHEMA` of `pipeline.records.store` counts the versions of these classes: a record of another
+version is rejected as a whole, and its case is computed again.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from pipeline.records import part, store
 from solvers.measures.confinement import CONFINED_DB
 
 R = TypeVar("R", bound=part.Part)
-STATUSES = ("OK", "WARNING")  # of cases that gave an answer
+STATUSES = ("OK", "WARNING")  # statuses of cases with a result
 
 
 class Checked(BaseModel):
-    """Frozen, no unknown field, no NaN; a number that is none becomes None where that is allowed."""
+    """Frozen, without unknown fields or NaN; NaN becomes None where that is allowed."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -42,7 +42,7 @@ class Checked(BaseModel):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields that were given, as plain values in their order."""
+        """Return the given fields as plain values, in order."""
         return self.model_dump(exclude_unset=True)
 
 
@@ -51,7 +51,7 @@ class Part(Checked):
 
     @classmethod
     def of(cls, result: Any, **more: Any) -> Self:
-        """The part with the fields that an object of the same names holds, and more."""
+        """Build the part from an object's fields of the same names, and more."""
         return cls(
             **{key: getattr(result, key) for key in cls.model_fields.keys() - more.keys() if hasattr(result, key)},
             **more,
@@ -59,20 +59,20 @@ class Part(Checked):
 
 
 class Open(Part):
-    """A part that also keeps fields which only its writer names, and nobody reads by name."""
+    """A part with additional fields, which only its writer names."""
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
 
 class TipRecord(Part):
-    """A heavy tip on a pillar."""
+    """A tip mass on a pillar."""
 
     side_m: float
     height_m: float
 
 
 class PillarRecord(Open):
-    """A pillar's shape and size; sizes that only its shape has stand beside these by their names."""
+    """Shape and size of a pillar; sizes specific to its shape are additional fields."""
 
     shape: str
     base_m: float
@@ -84,27 +84,26 @@ class PillarRecord(Open):
 
     @classmethod
     def of_pillar(cls, pillar: Pillar) -> PillarRecord:
-        """What a record keeps of a pillar."""
+        """Return the stored description of a pillar."""
         tip = {"heavy_tip": TipRecord.of(pillar.tip)} if pillar.tip else {}
         return cls.of(pillar, **dict(pillar.more_m), **tip)
 
     @property
     def form(self) -> PillarShape:
-        """The shape with these sizes."""
+        """Shape with these sizes."""
         return stored_shape(self.model_dump())
 
     @property
     def top_m(self) -> float:
-        """Height from foot to top, the heavy tip included, m."""
+        """Height from foot to top, tip mass included, m."""
         return self.height_m + (self.heavy_tip.height_m if self.heavy_tip else 0.0)
 
 
 class DesignRecord(Part):
-    """The design, as tables and pictures need it; pillar_centres_m: (x, y) from the plate's centre, row by row along y.
+    """Design data for tables and pictures; pillar_centres_m: (x, y) from the plate's centre, row by row along y.
 
-    zone_centres_m: y of every zone where there are several.
-    graded_pillars and graded_widths_m (of the rows' strips) hold one entry a row from the zone outwards where rows differ:
-    pillar is then the first row's.
+    zone_centres_m: y of every zone if there are several. If rows differ, graded_pillars and graded_widths_m (of the
+    rows' strips) have one entry per row from the zone outwards, and pillar is that of the first row.
     """
 
     length_m: float
@@ -125,7 +124,7 @@ class DesignRecord(Part):
 
     @classmethod
     def of_design(cls, design: Design) -> DesignRecord:
-        """What a record keeps of a design."""
+        """Return the stored description of a design."""
         shape = PillarRecord.of_pillar(design.pillar) if design.pillar else None
         own: dict[str, Any] = {"staggered": True} if design.is_staggered else {}
         if design.is_graded:
@@ -136,29 +135,29 @@ class DesignRecord(Part):
 
     @cached_property
     def key(self) -> str:
-        """The same text for the same design: equality at the price of a dictionary's look-up."""
+        """Key that is equal for equal designs."""
         return self.model_dump_json()
 
     @property
     def lattice(self) -> Lattice:
-        """The lattice that the rows are part of."""
+        """Lattice of the rows."""
         assert self.pitch_x_m and self.pitch_y_m
         return Lattice.of_rows(self.pitch_x_m, self.pitch_y_m, self.staggered)
 
     @property
     def cell(self) -> tuple[Any, ...]:
-        """What decides the unit cells of the rows."""
+        """Key of the unit cells of the rows."""
         rows = tuple(self.graded_pillars), tuple(self.graded_widths_m)
         return self.pitch_x_m, self.pitch_y_m, self.thickness_m, self.pillar, rows, self.staggered
 
     @property
     def pillars(self) -> list[PillarRecord]:
-        """The pillars of the rows that differ, from the zone outwards; the one of all rows where they are alike."""
+        """Pillars of rows that differ, from the zone outwards; a single one if all rows are alike."""
         return self.graded_pillars or ([self.pillar] if self.pillar else [])
 
     @property
     def standing(self) -> list[PillarRecord]:
-        """The pillar at each of pillar_centres_m."""
+        """Pillar at each of pillar_centres_m."""
         if not self.pillar or not self.rows:
             return []
         if not self.graded_pillars:
@@ -169,7 +168,7 @@ class DesignRecord(Part):
 
 
 class MeshRecord(Part):
-    """A mesh: of what, hex or tet, its order, how large, how good."""
+    """Mesh: part, hex or tet, order, size, quality."""
 
     what: str
     kind: str
@@ -183,7 +182,7 @@ class MeshRecord(Part):
 
 
 class PlanStep(Open):
-    """A computation: what it looks for, by which model and mesh, and why so; its numbers beside."""
+    """A computation: its result, model, mesh and reason, with its numbers as additional fields."""
 
     measure: str
     name: str
@@ -194,15 +193,15 @@ class PlanStep(Open):
 
 
 class PlanRecord(Open):
-    """What was computed, step by step."""
+    """Steps of the computation."""
 
     steps: list[PlanStep]
 
 
 class Record(Checked):
-    """A case: how it ended, what it stems from, and what its measures found (None: not measured).
+    """A case: status, origin, and results of its measures (None: not measured).
 
-    `other` holds plain values by name: of measures without a class here, and of studies that are scripts.
+    `other` has plain values by name: of measures without a class here, and of scripted studies.
     """
 
     schema_version: Literal[5] = Field(default=5, alias="schema")
@@ -225,10 +224,10 @@ class Record(Checked):
     @model_validator(mode="before")
     @classmethod
     def _with_answers(cls, given: Any) -> Any:
-        """Answers to questions stand beside the other parts, each by its question's name."""
+        """Store answers to questions next to the other parts, by question name."""
         if not isinstance(given, Mapping):
             return given
-        if "measured" in given:  # of a record in which it stood beside the response
+        if "measured" in given:  # of a record that stored it next to the response
             whole = {**given["response"], "measured": given["measured"]}
             given = {key: value for key, value in given.items() if key != "measured"} | {"response": whole}
         known = {key: value for key, value in given.items() if key not in cls.model_fields and key != "schema"}
@@ -238,58 +237,58 @@ class Record(Checked):
 
     @classmethod
     def of_case(cls, result: Mapping[str, Any], **head: Any) -> Record:
-        """The record of what measures found by name; what has no field of its own goes to `other`."""
+        """Build a record of results by name; those without a field go to `other`."""
         own = {key: value for key, value in result.items() if key in cls.model_fields or isinstance(value, part.Part)}
         other = {key: value for key, value in result.items() if key not in own}
         return cls.model_validate({**own, **({"other": {**own.get("other", {}), **other}} if other else {}), **head})
 
     def to_dict(self) -> dict[str, Any]:
-        """What record.json holds: nothing where nothing was measured."""
+        """Return the content of record.json, without unmeasured parts."""
         head = {"schema": self.schema_version}
         fields = self.model_dump(exclude_unset=True, exclude={"schema_version", "answers"})
         answers = {name: answer.values() for name, answer in self.answers.items()}
         return head | {key: value for key, value in fields.items() if value is not None} | answers
 
     def with_parts(self, **parts: Any) -> Record:
-        """The record with other parts and answers, by name; without those that are None."""
+        """Return the record with other parts and answers, by name, without those that are None."""
         own = {name: value for name, value in parts.items() if name in type(self).model_fields}
         answers = {**self.answers, **{name: value for name, value in parts.items() if name not in own}}
         kept = {name: answer for name, answer in answers.items() if answer is not None}
         return self.model_copy(update={"answers": kept, **own})
 
     def held(self, name: str) -> Any:
-        """A part or an answer by its name; None where there is none."""
+        """Return a part or an answer by name; None if absent."""
         return self.answers.get(name, getattr(self, name, None))
 
     def of(self, kind: type[R]) -> R | None:
-        """The answer to the question of a kind of result; None where it was not asked."""
+        """Return the answer of a result class; None if its question was not asked."""
         answer: R | None = self.answers.get(kind.question)
         return answer
 
     @property
     def answered(self) -> bool:
-        """Whether the case gave an answer."""
+        """Whether the case has a result."""
         return self.status in STATUSES
 
     @property
     def modes(self) -> Any:
-        """The answer about the plate's modes; None where it was not asked."""
+        """Answer about the modes of the plate; None if not asked."""
         return self.answers.get("modes")
 
     @property
     def response(self) -> Any:
-        """The answer about the forced response; None where it was not asked."""
+        """Answer about the forced response; None if not asked."""
         return self.answers.get("response")
 
     @property
     def target(self) -> Any:
-        """The target mode; None where there is none or none was looked for."""
+        """Target mode; None if there is none or no modes were computed."""
         found = self.modes.target if self.modes else None
         return found if found and found.is_found else None
 
     @property
     def target_status(self) -> str | None:
-        """single, split or none; None where no mode was looked for."""
+        """Status single, split or none; None if no modes were computed."""
         return self.modes.target.status if self.modes and self.modes.target else None
 
     @property
@@ -299,11 +298,11 @@ class Record(Checked):
 
     @property
     def driven_db(self) -> float | None:
-        """Confinement at the target mode's peak as the patches drive it, dB; None without a response or without that peak."""
+        """Driven confinement at the target mode's peak, dB; None without a response or without that peak."""
         return self.response.target_peak.confinement_db if self.response and self.response.target_peak else None
 
     def error_at(self, frequency_hz: float) -> float | None:
-        """Half-width of the bar of the plate's mode at a stored frequency, relative; None where it is not known."""
+        """Return the relative error bar of the plate's mode at a stored frequency; None if unknown."""
         known = [(mode.frequency_hz, mode.error) for mode in self.modes.modes] if self.modes else []
         if self.target:
             known.append((self.target.frequency_hz, self.target.frequency_error))
@@ -311,14 +310,14 @@ class Record(Checked):
 
     @property
     def ranked_db(self) -> float | None:
-        """Confinement that ranks designs, dB: as the patches drive it, or of the mode where nothing drives it."""
+        """Confinement that ranks designs, dB: driven by the patches, or of the mode without patches."""
         return self.driven_db if self.response else self.confinement_db
 
     @property
     def confined(self) -> bool | None:
-        """Whether the zone confines the target mode: as a mode and, where patches drive it, at its own peak.
+        """Whether the zone confines the target mode: as a mode and, with patches, when driven at its peak.
 
-        None where the question has no meaning.
+        None if undefined.
         """
         level, driven = self.confinement_db, self.driven_db
         return None if level is None else min(level, level if driven is None else driven) >= CONFINED_DB
@@ -330,22 +329,22 @@ class Record(Checked):
         return "confined" if self.confined else "confined as a mode, not as driven" if as_mode else "leaking"
 
     def mesh(self, what: str, kind: str) -> MeshRecord | None:
-        """The first mesh of a body and a kind."""
+        """Return the first mesh of a body and a kind."""
         return next((mesh for mesh in self.meshes if (mesh.what, mesh.kind) == (what, kind)), None)
 
 
 class PartFault(Exception):
-    """An answer that does not fit its declaration, by its place."""
+    """An answer that does not match its declaration, with its path."""
 
 
 def first_fault(error: ValidationError) -> str:
-    """The place of the first fault, and what it is."""
+    """Return the path of the first fault, and its message."""
     first = error.errors()[0]
     return f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}"
 
 
 def kind_of(name: str) -> type[part.Part] | None:
-    """The kind of result that a part of a record holds; None where it is no answer to a question.
+    """Return the result class of a part of a record; None if it is not an answer.
 
     Questions know records, not the other way round: they are found when a record is read.
     """
@@ -355,7 +354,7 @@ def kind_of(name: str) -> type[part.Part] | None:
 
 
 def answer_of(name: str, given: Any) -> part.Part:
-    """An answer as it was computed, or read from what `to_dict` wrote of it."""
+    """An answer as computed, or read back from `to_dict`."""
     kind = kind_of(name)
     assert kind
     if isinstance(given, part.Part):
@@ -367,9 +366,9 @@ def answer_of(name: str, given: Any) -> part.Part:
 
 
 def read(folder: Path) -> Record:
-    """Record of a case. Raises store.BadRecord when it is missing, torn, edited, another case's or of another version."""
+    """Read the record of a case. Raises store.BadRecord if missing, torn, edited, of another case or version."""
     try:
         return Record.model_validate(store.read_record(folder))
     except (ValidationError, PartFault) as error:
         fault = first_fault(error) if isinstance(error, ValidationError) else str(error)
-        raise store.BadRecord(f"{store.RECORD} is no record of schema {store.SCHEMA}: {fault}") from error
+        raise store.BadRecord(f"{store.RECORD} is not a record of schema {store.SCHEMA}: {fault}") from error

@@ -1,4 +1,4 @@
-"""A study as stored: its cases in their order, each with what could be read of it."""
+"""A stored study: its cases in order, each as far as it could be read."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ if TYPE_CHECKING:
     import numpy as np
 
 CASES = "cases.json"
-SAME_PLATE = ("tet_modes", "geometry")  # what a case shows of another one with the very same design
-SAME_CELL = ("tet_bands",)  # ... with the same unit cell
+SAME_PLATE = ("tet_modes", "geometry")  # results that a case shares with another one of the same design
+SAME_CELL = ("tet_bands",)  # ... of the same unit cell
 SIBLING_ARRAYS = ("tet_", "cell_")
 
 
 class ListedCase(BaseModel):
-    """A case as a study's list names it."""
+    """Entry of a case in a study's list."""
 
     case_id: str
     sweep: dict[str, Any] = {}
 
 
 class StudyList(BaseModel):
-    """cases.json: what the study file said about the study, and its cases."""
+    """Content of cases.json: the study file's description of the study, and its cases."""
 
     about: dict[str, Any] = {}
     cases: list[ListedCase]
@@ -39,15 +39,15 @@ class StudyList(BaseModel):
 
 @dataclass(frozen=True)
 class StoredCase:
-    """One case: its record, which says MISSING and why where none can be read."""
+    """One case with its record, which has status MISSING and the reason if none can be read."""
 
     folder: Path
     record: Record
-    siblings: tuple[Path, ...] = ()  # folders of cases with the same design, whose arrays may be shown beside
+    siblings: tuple[Path, ...] = ()  # folders of cases with the same design, whose arrays may also be shown
 
     @property
     def case_id(self) -> str:
-        """The case's name, that of its folder."""
+        """Name of the case and its folder."""
         return self.record.case_id
 
     @property
@@ -57,18 +57,18 @@ class StoredCase:
 
     @property
     def read_error(self) -> str:
-        """Why there is no record; '' where there is one."""
+        """Reason for a missing record; '' if there is one."""
         return self.record.diagnosis if self.record.status == "MISSING" else ""
 
     @property
     def has_cross_check(self) -> bool:
-        """Whether the case measured what others of its plate or its unit cell may show."""
+        """Whether the case has results that others with its plate or unit cell may show."""
         return any(self.record.held(key) for key in (*SAME_PLATE, *SAME_CELL)) or any(
             mesh.kind == "tet" for mesh in self.record.meshes
         )
 
     def read(self, name: str) -> dict[str, Any]:
-        """A JSON file of the case, {} when it is missing or torn, no object, or not what the record proves."""
+        """Read a JSON file of the case; {} if missing, torn, not an object or not matching the record's checksum."""
         try:
             stored = store.read_listed(self.folder, name)
         except store.BadRecord:
@@ -76,11 +76,11 @@ class StoredCase:
         return stored if isinstance(stored, dict) else {}
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The stored arrays and those borrowed from siblings; {} when there are none or they cannot be believed."""
+        """Return the stored arrays and those borrowed from siblings; {} if there are none or they are damaged."""
         return self.read_arrays()[0]
 
     def read_arrays(self) -> tuple[dict[str, np.ndarray], list[str]]:
-        """The same, and a line for each file of arrays that cannot be believed."""
+        """Return the arrays, and a line for each damaged file."""
         from pipeline.records.surface_codec import unfolded
 
         stored: dict[str, np.ndarray] = {}
@@ -98,7 +98,7 @@ class StoredCase:
 
 @dataclass(frozen=True)
 class StoredStudy:
-    """A study's cases, and what the study file said about it."""
+    """Cases of a study, and the study file's description."""
 
     folder: Path
     about: dict[str, Any]
@@ -123,7 +123,7 @@ class StoredStudy:
         return _grouped(self.cases, lambda design: repr(design.cell))
 
     def with_cross_checks(self, case: StoredCase) -> StoredCase:
-        """A case completed by what a study computes once: cross-checks of the same plate or the same unit cell."""
+        """Complete a case with the cross-checks that a study computes once per plate or unit cell."""
         own = case.record
         if own.design is None or not (own.target or own.held("bands")):
             return case
@@ -148,7 +148,7 @@ class StoredStudy:
 
 
 def _grouped(cases: Iterable[StoredCase], key: Callable[[DesignRecord], str]) -> dict[str, list[StoredCase]]:
-    """Cases that have a cross-check to lend, those of one key together in their order."""
+    """Return cases with a cross-check to share, grouped by key, in order."""
     groups = defaultdict(list)
     for case in cases:
         if case.record.design and case.has_cross_check:
@@ -157,7 +157,7 @@ def _grouped(cases: Iterable[StoredCase], key: Callable[[DesignRecord], str]) ->
 
 
 def read_study(folder: Path) -> StoredStudy:
-    """Read a study's records. Raises store.BadRecord when the folder holds none, or another version's list of cases."""
+    """Read a study's records. Raises store.BadRecord if the folder has none, or a list of cases of another version."""
     listed = StudyList(
         cases=[ListedCase(case_id=path.parent.name) for path in sorted(folder.glob(f"*/{store.RECORD}"))]
     )
@@ -170,7 +170,7 @@ def read_study(folder: Path) -> StoredStudy:
                 f"{folder / CASES}: written by another version ({said}); run the study again"
             ) from error
     if not listed.cases:
-        raise store.BadRecord(f"{folder}: no study is stored here; run it first")
+        raise store.BadRecord(f"{folder}: no stored study; run it first")
     return StoredStudy(folder, listed.about, tuple(_read_case(folder, case) for case in listed.cases))
 
 

@@ -1,7 +1,7 @@
-"""Moving skins as they are kept on disk: the meshed quarter alone, displacements as small integers, bytes sorted by weight.
+"""Storage of surfaces with mode shapes: the meshed quarter, displacements as small integers, bytes sorted by weight.
 
-A record holds what its page shows and no more: displacements to 1/8190 of each mode's largest, which no picture resolves.
-Sorted bytes compress better: the high ones of neighbouring points are alike.
+A record stores only what its page shows: displacements to 1/8190 of each mode's maximum, which no picture resolves.
+Sorted bytes compress better, since the high bytes of neighbouring points are alike.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from geometry.elements import FloatArray
 from solvers.fem.surface import Skin, triangles
 
-FULL = 4095  # steps of the largest displacement: finer ones are noise that does not compress
+FULL = 4095  # steps per largest displacement: finer ones are incompressible noise
 FLAT = 1e-9  # m: corners of the touch face lie on z = 0
 PREFIX = "folded_"
 
 
 def folded(skins: Sequence[Skin], symmetries: Sequence[str | None], frequency_hz: FloatArray) -> dict[str, Any]:
-    """folded_* arrays of skins that share their points, one mode each, every displacement scaled to a largest of 1."""
+    """Return folded_* arrays of surfaces with common points, one per mode, displacements scaled to a maximum of 1."""
     first = skins[0]
     return {
         f"{PREFIX}points": first.points.astype(np.float32),
@@ -33,7 +33,7 @@ def folded(skins: Sequence[Skin], symmetries: Sequence[str | None], frequency_hz
 
 
 def unfolded(arrays: dict[str, Any]) -> dict[str, Any]:
-    """The same with surface_*, touch_* and mesh_* arrays of the whole plate in place of folded_*; others as they are."""
+    """Replace folded_* by surface_*, touch_* and mesh_* arrays of the whole plate; others stay unchanged."""
     if f"{PREFIX}points" not in arrays:
         return arrays
     kept = {name: array for name, array in arrays.items() if not name.startswith(PREFIX)}
@@ -48,12 +48,12 @@ def unfolded(arrays: dict[str, Any]) -> dict[str, Any]:
 
 
 def moving(skins: Sequence[Skin]) -> dict[str, Any]:
-    """surface_* and touch_* arrays of whole skins that share their points."""
+    """Return surface_* and touch_* arrays of whole surfaces with common points."""
     return surface_arrays(skins) | touch_arrays(skins)
 
 
 def surface_arrays(skins: Sequence[Skin]) -> dict[str, Any]:
-    """surface_* arrays of moving skins that share their points, each scaled to a largest component of 1."""
+    """Return surface_* arrays of shapes on common points, each scaled to a largest component of 1."""
     moved = np.concatenate([scaled(skin.displacement) for skin in skins]).astype(np.float32)
     return {
         "surface_points": skins[0].points,
@@ -63,7 +63,7 @@ def surface_arrays(skins: Sequence[Skin]) -> dict[str, Any]:
 
 
 def touch_arrays(skins: Sequence[Skin]) -> dict[str, Any]:
-    """Triangulated touch face (z = 0) with u_z of every mode."""
+    """Return the triangulated touch face (z = 0) with u_z of every mode."""
     skin = skins[0]
     on_face = (np.abs(skin.points[:, 2]) < FLAT)[skin.facets].all(axis=1)
     facets = skin.facets[on_face]
@@ -77,18 +77,18 @@ def touch_arrays(skins: Sequence[Skin]) -> dict[str, Any]:
 
 
 def scaled(displacement: FloatArray) -> FloatArray:
-    """Modes have no amplitude of their own: the largest component becomes 1."""
+    """Scale modes, whose amplitude is arbitrary, to a largest component of 1."""
     return displacement / max(float(np.abs(displacement).max()), 1e-300)
 
 
 def in_steps(values: FloatArray) -> NDArray[np.uint8]:
-    """Numbers within +-1 as whole steps in two planes of bytes, low and high, shape (2, *values.shape)."""
+    """Encode numbers within +-1 as steps in two planes of bytes, low and high, shape (2, *values.shape)."""
     numbers = np.round(values * FULL).astype("<i2")
     return np.ascontiguousarray(np.moveaxis(numbers.view(np.uint8).reshape(*values.shape, 2), -1, 0))
 
 
 def from_steps(planes: NDArray[np.uint8]) -> FloatArray:
-    """The numbers of in_steps, to half a step."""
+    """Decode in_steps, to half a step."""
     numbers = np.ascontiguousarray(np.moveaxis(planes, 0, -1)).view("<i2")[..., 0]
     return numbers.astype(float) / FULL
 

@@ -1,6 +1,6 @@
-"""table.csv: one row per case, the same bytes from one run of a study to the next, and a sweep as lines of it.
+"""Table of a study (table.csv): one row per case, byte-identical between runs, and sweeps as lines of cases.
 
-So it holds no times, and nothing of pytetwild's meshes, which differ from run to run: the page shows those.
+It therefore omits times and results on pytetwild meshes, which differ from run to run; the page shows those.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ UNITS = {"mm": "mm", "kHz": "kHz", "GPa": "GPa", "kg": "kg", "deg": "°"}
 
 
 def axis_label(key: str) -> str:
-    """A swept key in words: array.pitch_mm -> array pitch (mm)."""
+    """Return a swept key in words: array.pitch_mm -> array pitch (mm)."""
     words = key.replace(".", " ").split("_")
     unit = UNITS.get(words[-1])
     text = " ".join(words[:-1] if unit else words)
@@ -31,12 +31,12 @@ def axis_label(key: str) -> str:
 
 
 def swept(cases: list[StoredCase]) -> list[StoredCase]:
-    """Without the case that a study computes once beside its sweep."""
+    """Return the cases without the one that a study computes in addition to its sweep."""
     return [case for case in cases if case.sweep]
 
 
 def main_key(study: StoredStudy, cases: list[StoredCase]) -> str | None:
-    """The numeric key that takes the most values over these cases; None where none takes two."""
+    """Return the numeric key with the most values over these cases; None if none has two."""
     cases = swept(cases)
     numeric = [key for key in study.swept if all(_is_number(case.sweep.get(key)) for case in cases)]
     varied = {key: len({case.sweep[key] for case in cases}) for key in numeric}
@@ -44,7 +44,7 @@ def main_key(study: StoredStudy, cases: list[StoredCase]) -> str | None:
 
 
 def lines_along(study: StoredStudy, cases: list[StoredCase], key: str) -> dict[str, list[StoredCase]]:
-    """Cases in ascending order of a key, by the values of the other keys in words ('' where no other varies)."""
+    """Group cases by the values of the other keys in words ('' if no other varies), in ascending order of a key."""
     cases = swept(cases)
     others = [name for name in study.swept if name != key and len({str(case.sweep.get(name)) for case in cases}) > 1]
     lines: dict[str, list[StoredCase]] = {}
@@ -63,10 +63,10 @@ Line = list[tuple[StoredCase, Any, Any]]
 
 @dataclass(frozen=True)
 class Tracked:
-    """One case of a line: the tracked mode's frequency (None when lost), its MAC with the case before, and a word.
+    """One case of a line: frequency of the tracked mode (None if lost), MAC with the previous case, tracking status.
 
-    tracking: "start" (where the target mode is plainest), "kept", "crossed" (kept, but another mode looks more like the
-    target mode here), "lost".
+    tracking: "start" (clearest target mode), "kept", "crossed" (kept, but another mode is closer to the target shape),
+    "lost".
     """
 
     frequency_hz: float | None
@@ -75,7 +75,7 @@ class Tracked:
 
 
 def along_sweep(study: StoredStudy) -> dict[str, Tracked]:
-    """Every case of a sweep by its id; {} where nothing numeric is swept or no shapes are stored."""
+    """Track every case of a sweep, by id; {} if no numeric key is swept or no shapes are stored."""
     cases = [case for case in study.cases if case.record.held("shapes")]
     key = main_key(study, cases) if len(cases) > 1 else None
     tracked: dict[str, Tracked] = {}
@@ -86,7 +86,7 @@ def along_sweep(study: StoredStudy) -> dict[str, Tracked]:
 
 
 def _line(line: Line) -> dict[str, Tracked]:
-    """From the case with the plainest target mode to both ends of the line."""
+    """Track from the case with the clearest target mode to both ends of the line."""
     start = max(range(len(line)), key=lambda i: line[i][1].share or 0.0)
     first, target, shapes = line[start]
     tracked = {first.case_id: Tracked(target.frequency_hz, None, "start")}
@@ -104,23 +104,23 @@ def _line(line: Line) -> dict[str, Tracked]:
 
 
 TABLE = "table.csv"
-# columns that answer first, beside what is swept
+# main columns, next to the swept keys
 MAIN = ("case", "status", "target_hz", "confinement_db", "confined", "target_peak_db", "db_per_row", "tracking")
 KILOHERTZ = quantity.Unit("kHz", KHZ)
-FILE_DIGITS = 10  # significant: far below any bar, and the same from one run to the next
+FILE_DIGITS = 10  # significant digits: far finer than any error bar, and reproducible between runs
 TRACKED = (  # columns along a sweep: name, heading, field of a tracked mode, unit
     ("tracked_hz", "tracked mode", "frequency_hz", "Hz"),
-    ("tracked_mac", "MAC with the case before", "mac", ""),
+    ("tracked_mac", "MAC with the previous case", "mac", ""),
     ("tracking", "tracking along the sweep", "tracking", None),
 )
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its name in the file, its heading and unit for readers, its value (None: no cell), the value's bar.
+    """Column: name in the file, heading and unit for readers, value (None: no cell), error bar.
 
-    unit: None for words, '' for numbers without one. bar: half-width of the value's bar, relative for a frequency, else in the
-    unit. is_difference: of frequencies, whose bar is in Hz; is_signed: written with its sign.
+    unit: None for words, '' for numbers without one. bar: error bar (half-width), relative for a frequency, else in the
+    unit. is_difference: of frequencies, with an error bar in Hz; is_signed: written with its sign.
     """
 
     name: str
@@ -132,7 +132,7 @@ class Column:
     is_signed: bool = False
 
     def text(self, record: Record, unit: quantity.Unit = quantity.HZ) -> str:
-        """A cell's text for readers: '' for what has no value; a frequency in a unit of theirs."""
+        """Format a cell for readers: '' without a value; a frequency in a readable unit."""
         value, bar = self.value(record), self.bar(record) if self.bar else None
         if not isinstance(value, float) or self.unit is None:
             return "" if value is None else str(value)
@@ -145,41 +145,41 @@ class Column:
 
     @property
     def is_number(self) -> bool:
-        """Whether it holds numbers."""
+        """Whether it contains numbers."""
         return self.unit is not None
 
     @property
     def is_main(self) -> bool:
-        """Whether a page shows it before all columns are asked for."""
+        """Whether a page shows it by default."""
         return self.name in MAIN or "." in self.name
 
     @property
     def shown_unit(self) -> str:
-        """Its unit in a page, where frequencies are in kHz."""
+        """Unit in a page, where frequencies are in kHz."""
         return KILOHERTZ.symbol if self.is_frequency else self.unit or ""
 
     def shown(self, record: Record) -> str:
-        """A cell's text in a page."""
+        """Return the text of a cell in a page."""
         return self.text(record, KILOHERTZ)
 
     def style(self, text: str) -> str:
-        """A cell's classes in a page."""
+        """Return the CSS classes of a cell in a page."""
         own = {"diagnosis": "long", "status": f"status-{text}", "confined": text}.get(self.name, "")
         return " ".join(filter(None, ("number" if self.is_number else own, "" if self.is_main else "more")))
 
     @property
     def is_frequency(self) -> bool:
-        """Whether it holds frequencies, not differences of them."""
+        """Whether it contains frequencies, not differences of them."""
         return self.unit == "Hz" and not self.is_difference
 
     def cell(self, record: Record) -> Any:
-        """A cell of the file: its value, floating-point numbers with as many digits as no round-off reaches."""
+        """Return a cell of the file: its value, floats rounded to digits that round-off does not reach."""
         value = self.value(record)
         return float(f"{value:.{FILE_DIGITS}g}") if isinstance(value, float) else value
 
 
 def columns_of(study: StoredStudy, measured: Sequence[Column]) -> list[Column]:
-    """Columns of a study's table: id, swept keys, status, measures that some case has, diagnosis."""
+    """Return the columns of a study's table: id, swept keys, status, measures of any case, diagnosis."""
     swept = [Column(key, key, lambda record, key=key: record.sweep.get(key)) for key in study.swept]  # type: ignore[misc]
     known = (*measured, *_tracked(study))
     return [
@@ -192,7 +192,7 @@ def columns_of(study: StoredStudy, measured: Sequence[Column]) -> list[Column]:
 
 
 def _tracked(study: StoredStudy) -> tuple[Column, ...]:
-    """Columns of the mode that is tracked along the sweep from where the target mode is plainest."""
+    """Return the columns of the mode tracked along the sweep from the clearest target mode."""
     peak = along_sweep(study)
 
     def figure(key: str) -> Callable[[Record], Any]:
@@ -202,7 +202,7 @@ def _tracked(study: StoredStudy) -> tuple[Column, ...]:
 
 
 def without_effect(study: StoredStudy, columns: Sequence[Column]) -> list[str]:
-    """Swept keys that no measured column depends on: wherever cases differ in one alone, all their figures are the same."""
+    """Return swept keys without effect: cases that differ in one of them alone have equal results."""
     swept = study.swept
     plain = {"case", "status", "diagnosis", *swept, *(name for name, *_ in TRACKED)}
     measured = [column for column in columns if column.name not in plain]
@@ -221,6 +221,6 @@ def without_effect(study: StoredStudy, columns: Sequence[Column]) -> list[str]:
 
 
 def table_bytes(study: StoredStudy, columns: Sequence[Column]) -> bytes:
-    """The table as CSV."""
+    """Return the table as CSV."""
     rows = ([column.cell(case.record) for column in columns] for case in study.cases)
     return csv_bytes([column.name for column in columns], rows)

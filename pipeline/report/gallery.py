@@ -1,4 +1,4 @@
-"""The pictures of a case and of a study, drawn from records and kept while these are unchanged; a plate's sketch."""
+"""Pictures of a case and of a study, drawn from records and reused while these are unchanged; sketch of a plate."""
 
 from __future__ import annotations
 
@@ -34,28 +34,33 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MAX_TICKS = 12
-MAX_PANELS = 3  # beside one another
+MAX_PANELS = 3  # next to each other
 
 ROWS_LOOKS: dict[str, dict[str, Any]] = {
     "finite plate": {"color": style.BLUE, "marker": "o"},
-    "endless lattice: rows times decay per row": {"color": style.VERMILION, "marker": "s", "mfc": "white", "ls": "--"},
-    "endless rows: power let through": {"color": style.GREY, "marker": "^", "mfc": "white", "ls": ":"},
+    "infinite array: rows times attenuation per row": {
+        "color": style.VERMILION,
+        "marker": "s",
+        "mfc": "white",
+        "ls": "--",
+    },
+    "infinite array: transmitted power": {"color": style.GREY, "marker": "^", "mfc": "white", "ls": ":"},
 }
 
-ZOOM = 1.6  # of the bending frequency at M
+ZOOM = 1.6  # relative to the bending frequency at M
 
 INDEX = "index.json"
-OF_THE_BEST = ("report_figures",)  # drawn of a sweep's best case, unless those of all are asked for
-OF_A_CELL = ("dispersion",)  # the same for all cases of one cell
-MARGIN = 14.0  # mm of paper on each side, for dimensions
-WIDE = 150.0  # mm of plate that are drawn 1:1; others are scaled, so that letters stay readable
-PLATE = 'fill="#f3f6f8" stroke="#55606b" stroke-width=".4"'  # where no style sheet says otherwise
+OF_THE_BEST = ("report_figures",)  # drawn for the best case of a sweep, unless all are requested
+OF_A_CELL = ("dispersion",)  # identical for all cases of one cell
+MARGIN = 14.0  # mm of margin on each side, for dimensions
+WIDE = 150.0  # mm of plate drawn 1:1; other plates are scaled so that text stays readable
+PLATE = 'fill="#f3f6f8" stroke="#55606b" stroke-width=".4"'  # without a style sheet
 ZONE, PILLARS = 'fill="#009e73" fill-opacity=".22"', 'fill="#0072b2"'
 
 
 @dataclass(frozen=True)
 class FigureSet:
-    """Pictures, what could not be drawn and why, and whether some were left out."""
+    """Pictures, reasons for undrawn ones, and whether some were left out."""
 
     pictures: list[StoredFigure]
     troubles: list[str] = field(default_factory=list)
@@ -63,7 +68,7 @@ class FigureSet:
 
 
 def against_sweep(study: StoredStudy) -> ReportFigure | None:
-    """Confinement and the target mode's frequency against the most varied numeric key, one line per set of the others."""
+    """Draw confinement and target frequency against the most varied numeric key, one line per set of the others."""
     cases = [case for case in swept(list(study.cases)) if case.record.target or _live(case)]
     key = main_key(study, cases) if cases else None
     if key is None:
@@ -75,7 +80,7 @@ def against_sweep(study: StoredStudy) -> ReportFigure | None:
         solved = [case for case in line if case.record.target]
         if solved:
             _draw_line((level, tone), solved, key, _same_mode(solved, tracked), look | {"label": name or "target mode"})
-        _draw_live((level, tone), line, key, f"{name}, live" if name else "live answer", look["color"])
+        _draw_live((level, tone), line, key, f"{name}, explorer" if name else "explorer", look["color"])
     _finish(level, tone, key)
     _bending_at_m(tone, list(lines.values()), key)
     handles, labels = tone.get_legend_handles_labels()
@@ -86,7 +91,7 @@ def against_sweep(study: StoredStudy) -> ReportFigure | None:
 
 
 def how_many_rows(study: StoredStudy) -> ReportFigure | None:
-    """Decibels from zone to extension: rows times the decay per row (infinite rows) against the finite plates."""
+    """Draw dB from zone to margin: rows times attenuation per row (infinite array) against the finite plates."""
     known = [(case, case.record.held("prediction")) for case in study.cases]
     levels = {
         case.case_id: (each.zone_to_extension_db, each.rows_db, each.transmission_db)
@@ -100,14 +105,14 @@ def how_many_rows(study: StoredStudy) -> ReportFigure | None:
     figure = _panel_a_line(
         {name: [(case.sweep["array.rows"], levels[case.case_id]) for case in each] for name, each in lines.items()}
     )
-    title = "How many rows: prediction and finite plates"
+    title = "Number of rows: prediction and finite plates"
     predicted = {case.case_id: each and level_text(each.rows_db, each.rows_error_db) for case, each in known}
     parts = "; ".join(f"{name}: {level_text(one[0])}, predicted {predicted[name]}" for name, one in levels.items())
     return ReportFigure("how_many_rows", title, f"{title}. {parts}", figure, vector=True)
 
 
 def shear_speed(case: StoredCase) -> float | None:
-    """Speed of shear waves in the plate's material, sqrt(G/rho), m/s; None when the input does not tell it."""
+    """Return the shear wave speed of the plate's material, sqrt(G/rho), m/s; None if the input lacks it."""
     stored = case.read("input.json") or {}
     material = ((stored.get("case") or stored).get("design") or {}).get("material") or {}
     try:
@@ -118,7 +123,7 @@ def shear_speed(case: StoredCase) -> float | None:
 
 
 def dispersion(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """Bands with the complete gaps shaded; beside it the low bands with the bending ones marked at M."""
+    """Draw bands with the complete gaps shaded, and the low bands with the bending ones marked at M."""
     bands = case.record.of(BandsResult)
     if not bands or not bands.points:
         return None
@@ -139,19 +144,19 @@ def dispersion(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
 
 
 def attenuation(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """Draw decay per row, wavenumbers across the rows and the power that passes them."""
+    """Draw attenuation per row, wavenumbers across the rows and the transmitted power."""
     answer, target = case.record.of(AttenuationResult), case.record.target
     return answer.complex_bands(target.frequency_hz if target else None) if answer else None
 
 
 def board(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """The step response of a case's record; None when the board was not run or ended in a fault."""
+    """Return the step response of a record; None if the board was not run or stopped with a fault."""
     record = case.record.held("board")
     return board_step(record, arrays) if record and "board_time_s" in arrays else None
 
 
 def board_step(record: Any, arrays: dict[str, Any]) -> ReportFigure:
-    """Both axes of the rotating frame with the reference, and the size of the drive, over time."""
+    """Draw both axes of the rotating frame with the reference, and the magnitude of the drive, over time."""
     figure, (upper, lower) = style.panels(4.6, 2, 1, sharex=True, height_ratios=(3, 2))
     time = arrays["board_time_s"] / MS
     upper.step(time, arrays["board_reference"], where="post", color=style.GREY, lw=0.9, ls="--", label="reference")
@@ -167,19 +172,19 @@ def board_step(record: Any, arrays: dict[str, Any]) -> ReportFigure:
     lower.set(ylabel="drive (full scale)", xlabel="time after the step (ms)")
     for axes in (upper, lower):
         axes.grid(True)
-    origin = "identified by the image's own sweep" if record.swept else "taken from the table"
+    origin = "identified by the firmware's own sweep" if record.swept else "taken from the table"
     alt = (
         f"Step of the reference to {figure_text(record.reference)} of full scale, run by the unmodified firmware image on an "
-        f"emulated board with noise: {reached}, largest overshoot {figure_text(100.0 * record.overshoot)} % with the noise in "
-        f"it; the mode {mode} with a time constant of {figure_text(record.tau_s / MS)} ms was {origin}"
+        f"emulated board with noise: {reached}, largest overshoot {figure_text(100.0 * record.overshoot)} % including "
+        f"the noise; the mode {mode} with a time constant of {figure_text(record.tau_s / MS)} ms was {origin}"
     )
     return ReportFigure("board", "Closed loop of the emulated board", alt, figure, vector=True)
 
 
 def draw_case(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet:
-    """Draw every picture that a case's records allow, or take the stored ones when nothing they show has changed.
+    """Draw every picture that a case's records allow, or reuse the stored ones if their data are unchanged.
 
-    without: names of the functions whose pictures are left out.
+    without: names of drawing functions to skip.
     """
     if (kept := kept_pictures(case, without)) is not None:
         return kept
@@ -190,7 +195,7 @@ def draw_case(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet:
 
 
 def kept_pictures(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet | None:
-    """The stored pictures of a case, all or all but some of them, None when they have to be drawn again."""
+    """Return the stored pictures of a case, all or all but some; None if they have to be drawn again."""
     if not case.record.answered:
         return FigureSet([])
     key = _case_key(case)
@@ -201,7 +206,7 @@ def kept_pictures(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet 
 
 
 def draw_study(study: StoredStudy) -> FigureSet:
-    """Draw the pictures that compare a study's cases, or take the stored ones."""
+    """Draw the pictures that compare a study's cases, or reuse the stored ones."""
     key = _key([study.about, *(case.record.to_dict() for case in study.cases)], [])
     if (kept := _kept(study.folder / PICTURES, key)) is not None:
         return FigureSet(kept)
@@ -213,7 +218,7 @@ def draw_study(study: StoredStudy) -> FigureSet:
 
 
 def sketch(design: DesignRecord) -> Markup:
-    """Plate, zone and pillars with their dimensions in mm."""
+    """Return a sketch of plate, zone and pillars with dimensions in mm."""
     from markupsafe import Markup
 
     length, breadth = design.length_m / MM, 2.0 * design.half_span_m / MM
@@ -241,7 +246,7 @@ def sketch(design: DesignRecord) -> Markup:
 def _draw_line(
     panels: tuple[Any, Any], line: list[StoredCase], key: str, stretches: list[tuple[int, int]], look: dict[str, Any]
 ) -> None:
-    """Levels and frequencies of a line: connected over `stretches` of one mode, filled where it is confined."""
+    """Draw levels and frequencies of a line, connected over `stretches` of one mode, filled where confined."""
     level, tone = panels
     x = np.array([case.sweep[key] for case in line], dtype=float)
     levels = np.array([case.record.confinement_db for case in line], dtype=float)
@@ -257,13 +262,13 @@ def _draw_line(
 
 
 def _live(case: StoredCase) -> Any:
-    """What the explorer's bases answer of a case, where they know its target mode."""
+    """Return the explorer's answer for a case, if it has a target mode."""
     live = case.record.held("live")
     return live if live and live.frequency_hz is not None else None
 
 
 def _draw_live(panels: tuple[Any, Any], line: list[StoredCase], key: str, name: str, color: str) -> None:
-    """Levels and frequencies that the explorer's bases answer, as crosses; their column lacks the plate's two ends."""
+    """Draw the explorer's levels and frequencies as crosses; its column lacks the two ends of the plate."""
     known = [(case.sweep[key], live) for case in line if (live := _live(case))]
     x = np.array([value for value, _ in known], dtype=float)
     levels = np.array([live.confinement_db for _, live in known], dtype=float)
@@ -274,7 +279,7 @@ def _draw_live(panels: tuple[Any, Any], line: list[StoredCase], key: str, name: 
 
 
 def _same_mode(line: list[StoredCase], tracked: dict[str, Tracked]) -> list[tuple[int, int]]:
-    """Stretches of a line over which the target mode is one and the same, tracked by its shape: slices of two or more."""
+    """Return the slices (two or more cases) of a line over which tracking by shape follows one and the same mode."""
     same = [getattr(tracked.get(case.case_id), "tracking", "") in ("start", "kept") for case in line]
     edges = [i for i in range(len(line) + 1) if i in (0, len(line)) or same[i] != same[i - 1]]
     return [(a, b) for a, b in pairwise(edges) if same[a] and b - a > 1]
@@ -285,9 +290,9 @@ def _finish(level: Any, tone: Any, key: str) -> None:
     low, high = min(0.0, low), max(CONFINED_DB + 3.0, high)
     level.axhspan(CONFINED_DB, high, color=style.GREEN, alpha=0.10, lw=0)
     level.axhline(CONFINED_DB, color=style.GREEN, lw=1.0, ls="--")
-    title = f"At least {CONFINED_DB:g} dB as a mode (shaded); filled where confined, as driven too"
+    title = f"Confined from {CONFINED_DB:g} dB upwards (shaded); filled symbols: confined, also when driven"
     level.set(ylim=(low, high), ylabel="confinement (dB)", title=title)
-    title = "Target mode (connected by a line where it is the same one, tracked by its shape)"
+    title = "Target mode (a line connects cases with the same mode, tracked by shape)"
     tone.set(xlabel=axis_label(key), ylabel="frequency (kHz)", title=title)
     for axes in (level, tone):
         axes.grid(True)
@@ -297,7 +302,7 @@ def _finish(level: Any, tone: Any, key: str) -> None:
 
 
 def _bending_at_m(tone: Any, lines: list[list[StoredCase]], key: str) -> None:
-    """The cell's lower bending frequency at M, where the cases computed bands: in a line's colour where the lines differ."""
+    """Draw the cell's lower bending frequency at M, if bands were computed, in a line's colour where lines differ."""
     known = [{case.sweep[key]: khz for case in line if (khz := _bending_khz(case))} for line in lines]
     shared = {x: khz for curve in known for x, khz in curve.items()}
     if not shared:
@@ -330,14 +335,14 @@ def _sweep_alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
 
 
 def _level(case: StoredCase) -> str:
-    """The level of a case's target mode with the digits of its bar."""
+    """Return the level of a case's target mode with the digits of its error bar."""
     return level_text(
         case.record.confinement_db, case.record.target.confinement_error_db if case.record.target else None
     )
 
 
 def _panel_a_line(lines: dict[str, list[tuple[int, tuple[Any, ...]]]]) -> Any:
-    """A panel for each line of (rows, levels), all with the same axes, one legend below."""
+    """Draw a panel for each line of (rows, levels), with common axes and one legend below."""
     columns = min(len(lines), MAX_PANELS)
     deep = -(-len(lines) // columns)
     figure, panels = style.panels(0.6 + 2.6 * deep, deep, columns, sharex=True, sharey=True, squeeze=False)
@@ -352,11 +357,11 @@ def _panel_a_line(lines: dict[str, list[tuple[int, tuple[Any, ...]]]]) -> Any:
         axes.grid(True)
     for axes in panels.flat[len(lines) :]:
         axes.set_visible(False)
-    for axes in panels.flat[max(0, len(lines) - columns) : len(lines)]:  # those with nothing beneath
+    for axes in panels.flat[max(0, len(lines) - columns) : len(lines)]:  # panels with nothing below
         axes.set_xlabel("rows on each side")
         axes.tick_params(labelbottom=True)
     for axes in panels[:, 0]:
-        axes.set_ylabel("zone to extension (dB)")
+        axes.set_ylabel("zone to margin (dB)")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     style.legend_below(figure, handles, labels, 3, 8)
     return figure
@@ -429,7 +434,7 @@ def _dispersion_alt(case: StoredCase, bands: BandsResult) -> str:
 
 
 def _without(key: str, names: tuple[str, ...]) -> str:
-    """The key of a case's pictures but for those of some functions."""
+    """Return the key of a case's pictures without those of some functions."""
     return "-".join((key, *names))
 
 
@@ -444,7 +449,7 @@ def _draw(
     draws: Sequence[Callable[[], ReportFigure | list[ReportFigure] | None]],
     errors: Sequence[str] = (),
 ) -> FigureSet:
-    """Draw and save; one that cannot be drawn is told beside what is wrong with its data and spoils no other."""
+    """Draw and save each picture; a failure is reported with its reason and does not affect the others."""
     pictures: list[StoredFigure] = []
     troubles = list(errors)
     for draw in draws:
@@ -466,7 +471,7 @@ def _draw(
 
 
 def _remove_others(folder: Path, pictures: Sequence[StoredFigure]) -> None:
-    """Remove what an earlier drawing left: it shows another record."""
+    """Remove pictures of an earlier record."""
     own = {name for picture in pictures for name in (picture.svg, picture.png, picture.shown)}
     for path in folder.iterdir():
         if path.is_file() and path.name not in own and path.suffix in {".svg", ".png", ".webp"}:
@@ -484,7 +489,7 @@ def _kept(folder: Path, key: str) -> list[StoredFigure] | None:
 
 
 def _key(visible: Any, files: list[Path]) -> str:
-    """Hash of what pictures show and of what draws them."""
+    """Return a hash of the data and the code of the pictures."""
     sources = [Path(__file__), *sorted(Path(style.__file__).parent.glob("*.py"))]
     parts = [canonical_json(visible), metadata.version("matplotlib")]
     parts += [file_hash(path) for path in [*files, *sources] if path.exists()]

@@ -1,4 +1,4 @@
-"""What HTML pages are made with: template, pictures and data in the file itself, and the page of a scripted study."""
+"""HTML pages from templates, with embedded pictures and data, and the page of a scripted study."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TEMPLATES = Path(__file__).with_name("templates")
 
 @cache
 def _templates() -> Environment:
-    """Return what reads the templates, which keeps those it has compiled."""
+    """Return the environment that reads the templates and keeps those it has compiled."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     look: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "autoescape": True}
@@ -33,13 +33,13 @@ def _templates() -> Environment:
 
 
 def render(template: str, **values: Any) -> str:
-    """A page from a template; whatever a name holds is escaped, and a name that is missing is an error."""
+    """Render a page from a template; values are escaped, and a missing name is an error."""
     _templates().filters |= {name: value for name, value in values.items() if callable(value)}
     return _templates().get_template(template).render(values)
 
 
 def script_data(value: Any) -> Markup:
-    """A value as JSON that may stand in a script element."""
+    """Return a value as JSON that is safe inside a script element."""
     from markupsafe import Markup
 
     text = json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
@@ -47,33 +47,33 @@ def script_data(value: Any) -> Markup:
 
 
 def vendored(name: str) -> str:
-    """A script that others wrote, in templates/vendor, as text that unpack.js inflates."""
+    """Return a third-party script of templates/vendor as text for unpack.js."""
     return deflated((TEMPLATES / "vendor" / name).read_bytes())
 
 
 def deflated(data: bytes) -> str:
-    """Bytes as base64 text of their zlib stream, which browsers inflate."""
+    """Return bytes as base64 text of their zlib stream, which browsers inflate."""
     return base64.b64encode(zlib.compress(data, 9)).decode()
 
 
 def data_url(name: str, data: bytes) -> str:
-    """A picture's bytes as an address that stands in the page."""
+    """Return a picture's bytes as a data address."""
     suffix = name.rsplit(".", 1)[-1]
     media = {"webp": "image/webp", "svg": "image/svg+xml"}.get(suffix) or str(mimetypes.guess_type(name)[0])
     return f"data:{media};base64,{base64.b64encode(data).decode()}"
 
 
-EMBEDDED_BYTES = 2_700_000  # with shapes, diagrams, viewer and a dozen cases a page stays below 4 MB
+EMBEDDED_BYTES = 2_700_000  # keeps a page with shapes, diagrams, viewer and a dozen cases below 4 MB
 
 
 class Embedder:
-    """Puts pictures into the page until its budget is spent; a page sent alone misses nothing that it shows."""
+    """Embed pictures in the page up to a size budget, so that the page is complete as a single file."""
 
     def __init__(self, study: Path, budget: int | None = None) -> None:
         self.study, self.left = study, EMBEDDED_BYTES if budget is None else budget
 
     def show(self, folder: str, picture: style.StoredFigure) -> dict[str, Any] | None:
-        """The picture of a folder (relative to the study) with its pixels as data and its links; None where it does not fit."""
+        """Return the picture of a folder (relative to the study) with its data and links; None if it does not fit."""
         source = data_url(picture.shown, (self.study / folder / picture.shown).read_bytes())
         if len(source) > self.left:
             return None
@@ -81,16 +81,16 @@ class Embedder:
         return vars(picture) | {"source": source, "svg": link(folder, picture.svg), "png": link(folder, picture.png)}
 
     def show_all(self, folder: str, pictures: list[style.StoredFigure]) -> list[dict[str, Any]]:
-        """Those of a folder's pictures that fit."""
+        """Return those pictures of a folder that fit."""
         return [embedded for picture in pictures if (embedded := self.show(folder, picture))]
 
 
 def link(*parts: str) -> str:
-    """A relative address whose folder names may hold = and commas."""
+    """Return a relative address whose folder names may contain = and commas."""
     return "/".join(quote(panel) for part in parts for panel in part.split("/"))
 
 
-PAGE = "page.json"  # what the page holds, for the pages of other studies
+PAGE = "page.json"  # content of the page, for the pages of other studies
 SCHEMA = 1
 SCRIPT_PAGE_BYTES = 12_000_000
 
@@ -106,7 +106,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, paragraphs, tables and functions that draw pictures."""
+    """Section: heading, paragraphs, tables and functions that draw pictures."""
 
     heading: str
     words: Sequence[str] = ()
@@ -116,13 +116,13 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """What a script concludes."""
+    """Conclusion of a scripted study."""
 
     sections: Sequence[Section] = field(default_factory=list)
 
 
 def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> list[Path]:
-    """Write CSV files, pictures, report.html, report.md and page.json; returns the tables and the page."""
+    """Write CSV files, pictures, report.html, report.md and page.json; return the tables and the page."""
     written, embedded, kept = [], [], []
     embedder = Embedder(folder, SCRIPT_PAGE_BYTES)
     for section in page.sections:
@@ -145,7 +145,7 @@ def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> li
 
 
 def markdown(title: str, lead: str, page: Page) -> str:
-    """The words and tables as Markdown, without pictures."""
+    """Return words and tables as Markdown, without pictures."""
     lines = [f"# {title}", "", lead, ""]
     for section in page.sections:
         lines += [f"## {section.heading}", ""]
@@ -157,7 +157,7 @@ def markdown(title: str, lead: str, page: Page) -> str:
 
 
 def text(value: Any) -> str:
-    """A cell as text: numbers to five digits, nothing as a dash."""
+    """Format a cell: numbers to five digits, None as a dash."""
     if value is None or value == "":
         return "–"
     if isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""report.html of a study, rebuilt from stored records and pictures alone, with its explorer and other studies."""
+"""report.html of a study, rebuilt only from stored records and pictures, with its explorer and linked studies."""
 
 from __future__ import annotations
 
@@ -39,14 +39,18 @@ REPORT = "report.html"
 MAX_FIGURES = 12
 FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
 
-# the pictures of a case, those first that tell most beside the moving shapes; the best case has all of them
-TELLING = ("touch_face", "response", "dispersion", "attenuation", "neighbours")
+# pictures of a case, most informative first, in addition to the animated shapes; the best case has all of them
+FIGURE_ORDER = ("touch_face", "response", "dispersion", "attenuation", "neighbours")
 
-STILLS = ("moving_plate", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
-UNFIT = (KeyError, TypeError, ValueError, IndexError)  # arrays of another shape than the page draws
+STILL_FIGURES = (
+    "moving_plate",
+    "touch_face",
+    "geometry",
+)  # still pictures that replace an animated shape, in order of preference
+MALFORMED_ARRAY_ERRORS = (KeyError, TypeError, ValueError, IndexError)  # raised for arrays of an unexpected shape
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
 
-# What the template of a case's results writes them with.
+# Functions available to the template of a case's results.
 SHOWN = {
     name: getattr(text, name)
     for name in (
@@ -68,7 +72,7 @@ SHOWN |= {"GRAM": GRAM, "MM": MM}
 
 @dataclass(frozen=True)
 class CasePage:
-    """What the page shows of one case."""
+    """Content of the page for one case."""
 
     case: StoredCase
     anchor: str
@@ -80,12 +84,13 @@ class CasePage:
     modes: list[dict[str, Any]] = field(default_factory=list)
     overrides: list[str] = field(default_factory=list)
     drawn: bool = True
-    twin: str = ""  # the anchor of a case of the same plate, whose pictures are this one's
+    twin: str = ""  # anchor of a case with the same plate, whose pictures it shares
 
 
 def put_explorer(folder: Path, case_path: Path, log: Log | None = None) -> list[Path]:
-    """Write the explorer of the study's case where its bases are in the cache; with a log they are made, which takes longer
-    than most studies. Nothing is written for a cell that they cannot follow.
+    """Write the explorer of the study's case if its reduced bases are cached; with a log, compute them if necessary.
+
+    Computing them takes longer than most studies. Nothing is written for an unsupported cell.
     """
     from pipeline.explore import offline
     from pipeline.explore.answer import Explorer, Scene
@@ -99,21 +104,21 @@ def put_explorer(folder: Path, case_path: Path, log: Log | None = None) -> list[
         if model is None:
             return []
         html = offline.page(Explorer(Scene(case, raw, ()), model))
-    except (InputError, SolverError) as fault:  # a cell that the bases cannot follow: the study has no explorer
+    except (InputError, SolverError) as fault:  # an unsupported cell: the study has no explorer
         if log:
-            log.warning("NO_EXPLORER", f"no explorer beside the report: {' '.join(str(fault).split())}")
+            log.warning("NO_EXPLORER", f"the report has no explorer: {' '.join(str(fault).split())}")
         return []
     store.write_atomic(folder / NAME, html.encode())
     return [folder / NAME]
 
 
 def explorer_link(folder: Path) -> str:
-    """The address of the explorer beside a study's report, or nothing."""
+    """Return the address of the explorer next to a study's report, or ''."""
     return NAME if (folder / NAME).exists() else ""
 
 
-def beside(folder: Path, embedder: Embedder) -> list[dict[str, Any]]:
-    """The scripted studies beside a study's folder: their opening section, and every section that has a picture."""
+def linked_studies(folder: Path, embedder: Embedder) -> list[dict[str, Any]]:
+    """Return the scripted studies next to a study's folder: opening section, and every section with a picture."""
     return [
         {"name": name, "title": title, "missing": "", "sections": []} | _read(folder, name, embedder)
         for name, title in STUDIES.items()
@@ -122,10 +127,10 @@ def beside(folder: Path, embedder: Embedder) -> list[dict[str, Any]]:
 
 
 def build(folder: Path, max_figures: int = MAX_FIGURES, all_pictures: bool = False) -> Path:
-    """Write report.html of a study, pictures of at most `max_figures` cases drawn anew or kept; returns its path.
+    """Write report.html of a study, with pictures of at most `max_figures` cases, drawn or reused; return its path.
 
-    Solves nothing. all_pictures: of every case those that the page shows of the best one alone, too. Raises store.BadRecord
-    when the folder holds no study.
+    Solves nothing. all_pictures: draw for every case the pictures that otherwise only the best one gets. Raises
+    store.BadRecord if the folder has no study.
     """
     study = read_study(folder)
     visible = StoredStudy(folder, study.about, tuple(study.with_cross_checks(case) for case in study.cases))
@@ -145,8 +150,9 @@ def build(folder: Path, max_figures: int = MAX_FIGURES, all_pictures: bool = Fal
 
 
 def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
-    """Which cases get pictures: all of a short study; of a long one the best and the worst confined, the rest evenly spread;
-    besides those that compute a plate of the sweep in more ways.
+    """Choose the cases with pictures: all of a short study; of a long one best, worst and an even selection.
+
+    Cases that add computations to a plate of the sweep come in addition.
     """
     twins = [case for case in study.cases if case.record.answered and _twin(study, case)] if most else []
     drawable = [case for case in study.cases if case.record.answered and case not in twins]
@@ -163,7 +169,7 @@ def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
 
 
 def draw_cases(cases: list[StoredCase], brief: dict[str, tuple[str, ...]]) -> dict[str, gallery.FigureSet]:
-    """Pictures of each case by its id, drawn in parallel; `brief` names those left out by the case's id."""
+    """Draw the pictures of each case in parallel, by case id; `brief` names those to leave out, by case id."""
     from pipeline.workers import LocalWorkers, default_jobs
 
     kept = {case.case_id: gallery.kept_pictures(case, brief.get(case.case_id, ())) for case in cases}
@@ -179,7 +185,7 @@ def draw_cases(cases: list[StoredCase], brief: dict[str, tuple[str, ...]]) -> di
 
 
 def _read(folder: Path, name: str, embedder: Embedder) -> dict[str, Any]:
-    """What another study tells, the address of its page, or why there is nothing."""
+    """Return the content of another study, the address of its page, or the reason why there is nothing."""
     try:
         page = store.read_json(folder.parent / name / PAGE)
         if page["schema"] != SCHEMA:
@@ -196,7 +202,7 @@ def _read(folder: Path, name: str, embedder: Embedder) -> dict[str, Any]:
 
 
 def _section(folder: Path, name: str, section: dict[str, Any], embedder: Embedder) -> dict[str, Any]:
-    """A section; its tables only where it has no picture to say the same."""
+    """Return a section; its tables only if no picture shows the same."""
     pictures = [style.StoredFigure(**entry) for entry in section["pictures"]]
     embedded = embedder.show_all(f"../{name}/{style.PICTURES}", pictures)
     tables = [] if embedded else [_table(folder.parent / name, table) for table in section["tables"]]
@@ -209,9 +215,9 @@ def _table(other: Path, name: str) -> tuple[str, list[str], list[list[str]]]:
 
 
 def _page(study: StoredStudy, pages: list[CasePage], embedder: Embedder, more: dict[str, Any], is_brief: bool) -> str:
-    """The page's HTML; `more` holds the pictures over the study, its moving parts, and what could not be drawn.
+    """Render the page; `more` holds the pictures over the study, the animated parts, and what could not be drawn.
 
-    is_brief: some pictures were drawn of the best case alone.
+    is_brief: some pictures were drawn for the best case only.
     """
     columns = asked.columns_of(study)
     return render(
@@ -228,7 +234,7 @@ def _page(study: StoredStudy, pages: list[CasePage], embedder: Embedder, more: d
         thesis=TITLE,
         pages=pages,
         of_best=_of_best(study, pages),
-        beside=beside(study.folder, embedder),
+        linked=linked_studies(study.folder, embedder),
         explorer=explorer_link(study.folder),
         case_file=text.case_file(study),
         brief_pictures=is_brief and f"antinode report {study.about.get('name', 'STUDY')} --all-pictures",
@@ -242,7 +248,7 @@ def _page(study: StoredStudy, pages: list[CasePage], embedder: Embedder, more: d
 
 
 def _answer(study: StoredStudy) -> dict[str, Any]:
-    """What the page's head tells: the answer, the best plate, the cards."""
+    """Return the head of the page: the answer, the best plate, the cards."""
     best = text.best_case(study)
     return {
         "best": best,
@@ -256,14 +262,12 @@ def _answer(study: StoredStudy) -> dict[str, Any]:
 
 
 def _moving(study: StoredStudy, pages: list[CasePage]) -> tuple[dict[str, Any], list[str]]:
-    """Mode shapes of the drawn cases and the dispersion diagrams as JSON text, with the viewer that they need; arrays that do
-    not fit are told, not raised.
-    """
+    """Return mode shapes and dispersion diagrams as JSON text, with the viewer; malformed arrays are reported."""
     best = text.best_case(study)
     stills = {page.case.case_id: f"{page.anchor}-{still}" for page in pages if (still := _still(page))}
     cases = [page.case for page in pages if not page.twin]
     troubles: list[str] = []
-    plates = _fitting("moving mode shapes", partial(moving_shapes.plates, cases, best, stills), troubles)
+    plates = _fitting("animated mode shapes", partial(moving_shapes.plates, cases, best, stills), troubles)
     diagrams = _fitting("interactive dispersion diagram", partial(moving_shapes.diagrams, study, best), troubles)
     moves = plates["shapes"] or diagrams["shapes"]
     parts = {
@@ -276,21 +280,21 @@ def _moving(study: StoredStudy, pages: list[CasePage]) -> tuple[dict[str, Any], 
 
 
 def _fitting(name: str, make: Callable[[], dict[str, Any]], troubles: list[str]) -> dict[str, Any]:
-    """What is made of stored arrays; nothing, and a trouble more, where they have another shape than the page draws."""
+    """Return data made of stored arrays; nothing, and one more trouble, for arrays of an unexpected shape."""
     try:
         return make()
-    except UNFIT as error:
+    except MALFORMED_ARRAY_ERRORS as error:
         troubles.append(f"{name}: {type(error).__name__}: {error}")
         return {"cells": [], "shapes": []}
 
 
 def _still(page: CasePage) -> str:
     names = {picture["name"] for picture in page.pictures}
-    return next((name for name in STILLS if name in names), "")
+    return next((name for name in STILL_FIGURES if name in names), "")
 
 
 def _of_best(study: StoredStudy, pages: list[CasePage]) -> list[tuple[str, str]]:
-    """Titles and anchors of the best case's attenuation and response, or of the first case that has them."""
+    """Return titles and anchors of attenuation and response of the best case, or of the first case with them."""
     best = text.best_case(study)
     ordered = sorted(pages, key=lambda page: best is None or page.case.case_id != best.case_id)
     figures = []
@@ -302,7 +306,7 @@ def _of_best(study: StoredStudy, pages: list[CasePage]) -> list[tuple[str, str]]
 
 
 def _with_defaults(study: StoredStudy) -> str:
-    """The first stored input as readable text."""
+    """Return the first stored input as readable text."""
     for case in study.cases:
         stored = case.read(store.INPUT)
         if isinstance(stored, dict) and stored:
@@ -311,8 +315,9 @@ def _with_defaults(study: StoredStudy) -> str:
 
 
 def _left_out(study: StoredStudy, cases: list[StoredCase]) -> dict[str, tuple[str, ...]]:
-    """What is not drawn of a sweep's cases beside its best one, by their ids: the page has no room for all of their pictures,
-    and shows those of a cell once.
+    """Return the pictures not drawn for cases other than the best one, by case id.
+
+    The page has no room for all of them, and shows those of a cell once.
     """
     best = text.best_case(study)
     if best not in cases:
@@ -329,13 +334,13 @@ def _left_out(study: StoredStudy, cases: list[StoredCase]) -> dict[str, tuple[st
 
 
 def _cells_of(case: StoredCase) -> set[str]:
-    """The unit cell whose bands a case has, none where it has none."""
+    """Return the unit cell of a case's bands, None without bands."""
     bands = case.record.of(BandsResult)
     return {moving_shapes.same_bands(bands)} if bands else set()
 
 
 def _without_failing(draw: Callable[[], gallery.FigureSet]) -> gallery.FigureSet:
-    """Pictures, or why there are none: a page without pictures is better than no page."""
+    """Return pictures, or the reason why there are none: a page without pictures is better than no page."""
     try:
         return draw()
     except Exception as error:
@@ -343,7 +348,7 @@ def _without_failing(draw: Callable[[], gallery.FigureSet]) -> gallery.FigureSet
 
 
 def _case_pages(study: StoredStudy, figure_sets: dict[str, gallery.FigureSet], embedder: Embedder) -> list[CasePage]:
-    """Every case's part of the page in the study's order."""
+    """Return the page content of every case in the order of the study."""
     shown = _shown(study, figure_sets, embedder)
     pages = []
     for index, case in enumerate(study.cases):
@@ -358,7 +363,7 @@ def _case_pages(study: StoredStudy, figure_sets: dict[str, gallery.FigureSet], e
 def _shown(
     study: StoredStudy, figure_sets: dict[str, gallery.FigureSet], embedder: Embedder
 ) -> dict[str, list[dict[str, Any]]]:
-    """The pictures that the page holds by case: all of the best one, then of each what tells most while there is room."""
+    """Return the embedded pictures by case: all of the best one, then the most informative of each while they fit."""
     best = text.best_case(study)
     ordered = sorted(study.cases, key=lambda case: best is None or case.case_id != best.case_id)
     drawn = {
@@ -366,10 +371,10 @@ def _shown(
         for case in ordered
         if case.case_id in figure_sets
     }
-    in_order = [(case, name) for name in TELLING for case in ordered[1:]]
+    in_order = [(case, name) for name in FIGURE_ORDER for case in ordered[1:]]
     in_order = [(case, name) for case in ordered[:1] for name in drawn.get(case.case_id, {})] + in_order
     for case in ordered:
-        if twin := _twin(study, case):  # only what the same plate has not
+        if twin := _twin(study, case):  # only what the identical plate lacks
             own = [name for name in drawn.get(case.case_id, {}) if name not in drawn.get(twin.case_id, {})]
             in_order = [(case, name) for name in own] + [pair for pair in in_order if pair[0] is not case]
     by_case: dict[str, dict[str, dict[str, Any]]] = {}
@@ -386,7 +391,7 @@ def _shown(
 
 
 def _twin(study: StoredStudy, case: StoredCase) -> StoredCase | None:
-    """A case of the sweep that is the same plate as this one, which the study computes beside it."""
+    """Return the case of the sweep with the same plate as this one, which the study computes in addition."""
     if case.sweep or case.record.design is None:
         return None
     return next((other for other in study.cases if other.sweep and other.record.design == case.record.design), None)
@@ -413,14 +418,14 @@ def _case_page(
 
 
 def _seconds(part: Any) -> dict[str, float]:
-    """Times by step; they stand outside of the record's proof, so what is no time is left out."""
+    """Return times by step; the record's checksum does not cover them, so anything other than a time is skipped."""
     if not isinstance(part, dict):
         return {}
     return {name: value for name, value in part.items() if isinstance(value, int | float)}
 
 
 def _files(case: StoredCase) -> Iterator[tuple[str, str]]:
-    """Names and addresses of a case's files, those for others first."""
+    """Return names and addresses of a case's files, exchange formats first."""
     exported = case.record.held("geometry").files if case.record.held("geometry") else []
     listed = sorted(case.read(store.MANIFEST) or {})
     for name in dict.fromkeys([*exported, *FILES, *listed]):

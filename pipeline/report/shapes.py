@@ -1,4 +1,4 @@
-"""What moves in a page: mode shapes, and dispersion diagrams with the shape of each wave, as coarser surfaces, packed."""
+"""Animated parts of a page: mode shapes, and dispersion diagrams with wave shapes, as packed coarse surfaces."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import axis_label
 from pipeline.report.html import deflated
 
-MAX_SHAPES = 16  # of plates in a page
+MAX_SHAPES = 16  # largest number of plates in a page
 MIN_OF_BEST = 4
-MAX_POINTS = 9000  # of a surface as sent; a quarter is sent where the others are its mirror images
+MAX_POINTS = 9000  # limit for a transmitted surface; only a quarter is sent if the others are its mirror images
 FULL = 32767
 QUARTER = ((1, 1), (-1, 1), (1, -1), (-1, -1))
 
 
 @dataclass
 class Gallery:
-    """Surfaces and the shapes that move them, as the page's script reads them."""
+    """Surfaces and their displacement shapes, in the format of the page's script."""
 
     bodies: list[dict[str, Any]] = field(default_factory=list)
     shapes: list[dict[str, Any]] = field(default_factory=list)
 
     def add_body(self, points: FloatArray, facets: IntArray, reach_m: float) -> int:
-        """A surface, and the largest displacement that it is first drawn with, m; returns its number."""
+        """Add a surface and the largest displacement with which it is first drawn, m; return its number."""
         low, span = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1e-12)
         small = len(points) <= 0xFFFF
         self.bodies.append(
@@ -53,7 +53,7 @@ class Gallery:
         return len(self.bodies) - 1
 
     def add_shape(self, body: int, shape: NDArray[Any], words: dict[str, Any], copies: list[dict[str, Any]]) -> int:
-        """A displacement (p, 3), real or complex, of a surface's points; returns its number."""
+        """Add a displacement (p, 3), real or complex, of a surface's points; return its number."""
         peak = max(float(np.abs(shape).max()), 1e-300)
         parts = {"re": shape.real} | ({"im": shape.imag} if np.iscomplexobj(shape) and np.any(shape.imag) else {})
         normal = max(float(np.abs(shape[:, 2]).max()), 1e-6 * peak)
@@ -70,7 +70,7 @@ class Gallery:
 
 
 def packed(values: NDArray[Any], kind: str) -> str:
-    """Rows of integers as deflated text: one component after another, of each all low bytes before the higher ones."""
+    """Return rows of integers as deflated text: component by component, low bytes first."""
     flat = np.ascontiguousarray(np.asarray(values).T).astype(kind).ravel()
     return deflated(flat.view(np.uint8).reshape(flat.size, -1).T.tobytes())
 
@@ -80,7 +80,7 @@ def _short(values: Iterable[float]) -> list[float]:
 
 
 def plates(cases: Sequence[StoredCase], best: StoredCase | None, stills: dict[str, str]) -> dict[str, Any]:
-    """Shapes of the best confined case, and the target modes of the others; `stills` holds a picture's id for each case."""
+    """Return shapes of the best confined case and target modes of the others; `stills` has a picture id per case."""
     gallery = Gallery()
     ordered = sorted(cases, key=lambda case: best is None or case.case_id != best.case_id)
     for place, case in enumerate(ordered):
@@ -127,8 +127,9 @@ def _words(case: StoredCase, frequency_hz: float, target: bool) -> dict[str, str
 def quarter(
     arrays: dict[str, Any], facets: IntArray, most: int
 ) -> tuple[FloatArray, IntArray, FloatArray, list[list[dict[str, Any]]]]:
-    """The quarter that an unfolded surface begins with, its first shapes, and the copies that make up each of them whole: how
-    each copy is mirrored, and the sign of its displacement. A surface without mirrors is its own copy.
+    """Return the quarter of an unfolded surface, its first shapes, and the copies that complete each of them.
+
+    A copy has its mirroring and the sign of its displacement. A surface without mirrors is its own copy.
     """
     points, u = (np.asarray(arrays[f"surface_{name}"], dtype=float) for name in ("points", "u"))
     u, symmetries = u[:most], arrays.get("surface_symmetry", [""] * most)[:most]
@@ -139,7 +140,7 @@ def quarter(
 
 
 def _images(symmetry: str) -> list[dict[str, Any]]:
-    """The four copies of a quarter under the mirrors of x and y: u_z is symmetric (S) or antisymmetric (A) under each."""
+    """Return the four copies of a quarter mirrored in x and y: u_z is symmetric (S) or antisymmetric (A) under each."""
     odd = [letter == "A" for letter in symmetry]
     return [
         {"flip": [*flip, 1], "parity": -1 if (odd[0] and flip[0] < 0) != (odd[1] and flip[1] < 0) else 1}
@@ -150,13 +151,13 @@ def _images(symmetry: str) -> list[dict[str, Any]]:
 MAX_CELLS = 12
 MAX_WITH_SHAPES = 3
 CELL_POINTS = 1200
-TILES = 2  # cells shown along each axis, so that the phase from cell to cell is seen
-SPREAD = 0.12  # of the cell's height: the largest displacement as first drawn
+TILES = 2  # cells shown along each axis, to make the phase from cell to cell visible
+SPREAD = 0.12  # largest displacement as first drawn, relative to the cell's height
 KINDS = tuple(MARKS)
 
 
 def diagrams(study: StoredStudy, best: StoredCase | None) -> dict[str, Any]:
-    """What the page's diagram is drawn from: {"cells", "bodies", "shapes"}; the best case's cell first."""
+    """Return the data of the page's diagram: {"cells", "bodies", "shapes"}; the cell of the best case first."""
     groups: dict[str, list[StoredCase]] = {}
     for case in sorted(study.cases, key=lambda case: best is None or case.case_id != best.case_id):
         bands = case.record.of(BandsResult)
@@ -175,13 +176,13 @@ def diagrams(study: StoredStudy, best: StoredCase | None) -> dict[str, Any]:
 
 
 def same_bands(bands: BandsResult) -> str:
-    """What cases with the same bands, which show one diagram, have in common."""
+    """Common key of cases with the same bands, which share one diagram."""
     visible = [[p.kx_per_m, p.ky_per_m, p.frequencies_hz] for p in bands.points]
     return hashlib.sha256(canonical_json(visible).encode()).hexdigest()
 
 
 def _cell(members: list[StoredCase], bands: BandsResult, best: StoredCase | None) -> dict[str, Any]:
-    """One diagram: path, bands, labels of the waves where they are stored, gaps, the target mode's frequency."""
+    """Return one diagram: path, bands, labels of the waves if stored, gaps, the target mode's frequency."""
     points = bands.points
     visible = next((case for case in members if best and case.case_id == best.case_id), members[0])
     target = visible.record.target
@@ -206,7 +207,7 @@ def _bars(point: BandPoint) -> list[float | None]:
 
 
 def _name(members: list[StoredCase]) -> str:
-    """What the swept cases of a cell have in common and how many they are; their names where that is nothing."""
+    """Describe the swept cases of a cell: common values and number, or their names without common values."""
     cases = [case for case in members if case.sweep]
     shared = (
         {key: value for key, value in cases[0].sweep.items() if all(c.sweep.get(key) == value for c in cases)}
@@ -224,18 +225,18 @@ def _digits(value: float) -> float:
 
 
 def _each(points: list[BandPoint], key: str, visible: Callable[[Any], Any]) -> list[list[Any]] | None:
-    """A figure of every wave, None where the full cell told only frequencies."""
+    """Return a value of every wave, None if the full cell provides only frequencies."""
     rows = [getattr(point, key) for point in points]
     return [[visible(value) for value in row] for row in rows] if all(rows) else None
 
 
 def _speed(pair: tuple[float, float] | None) -> float | None:
-    """Group speed, m/s, to four digits; below a millimetre a second it is rounding."""
+    """Return the group velocity, m/s, to four digits; below a millimetre per second it is round-off."""
     return None if pair is None else float(f"{np.round(np.hypot(*pair), 3):.4g}")
 
 
 def _shapes(gallery: Gallery, members: list[StoredCase]) -> dict[str, Any]:
-    """Numbers of the stored shapes by label and band; {} when no member's record holds any."""
+    """Return the numbers of the stored shapes by label and band; {} if no record has any."""
     for case in members:
         arrays = case.arrays()
         facets = skin_faces(arrays, "bands")
@@ -271,7 +272,7 @@ def _wave_in_words(label: str, band: int, point: BandPoint) -> dict[str, str]:
 
 
 def _tiles(k: Any, lattice: Lattice) -> list[dict[str, Any]]:
-    """Neighbouring cells: u(r + a) = u(r) exp(i k.a)."""
+    """Return neighbouring cells: u(r + a) = u(r) exp(i k.a)."""
     return [
         {"flip": [1, 1, 1], "parity": 1, "offset": [*(_digits(v) for v in a), 0.0], "phase": _digits(float(k @ a))}
         for a in lattice.translations(TILES)

@@ -1,4 +1,4 @@
-"""What the report says about records: numbers with units, sentences, the thesis' figures beside ours."""
+"""Texts of the report: numbers with units, sentences, and values of the thesis compared with ours."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TITLE = "Design of controlled localized mechanical waves: application to haptics
 
 
 def compare(records: list[Record], path: Path = FILE) -> list[dict[str, Any]]:
-    """Rows {quantity, thesis, ours, shown (in words), unit, note} for every figure of the thesis that some record answers."""
+    """Return rows {quantity, thesis, ours, shown (in words), unit, note} for every thesis value found in a record."""
     rows = []
     with path.open(newline="", encoding="utf-8") as file:
         for entry in csv.DictReader(file):
@@ -52,7 +52,7 @@ def _plain(text: str) -> float | str:
 
 
 def _ours(entry: dict[str, str], record: Record) -> tuple[float | str, str] | None:
-    """A figure of a record in kHz or a verdict, and the same in words; None where the record has none."""
+    """Return a figure of a record in kHz or a verdict, and its words; None if the record has none."""
     if record.design is None or not _same_design(entry, record.design):
         return None
     value, error = _figure(entry["key"], record)
@@ -62,7 +62,7 @@ def _ours(entry: dict[str, str], record: Record) -> tuple[float | str, str] | No
 
 
 def _same_design(entry: dict[str, str], design: DesignRecord) -> bool:
-    if design.graded_pillars:  # all rows of the thesis are alike
+    if design.graded_pillars:  # all rows of the thesis are identical
         return False
     ours = {
         "rows": design.rows,
@@ -73,9 +73,9 @@ def _same_design(entry: dict[str, str], design: DesignRecord) -> bool:
 
 
 def confinement_words(mode_db: float | None, driven_db: float | None, error_db: float | None = None) -> str | None:
-    """Whether a plate confines its mode, as the thesis looked at it, and also as driven; None without passive face.
+    """Return whether a plate confines its mode, as in the thesis and also when driven; None without passive face.
 
-    error_db: half-width of the bar of the mode's level.
+    error_db: error bar of the level of the mode (half-width).
     """
     if mode_db is None:
         return None
@@ -87,7 +87,7 @@ def confinement_words(mode_db: float | None, driven_db: float | None, error_db: 
 
 
 def _figure(key: str, record: Record) -> tuple[float | str | None, float | None]:
-    """A figure in Hz, or the verdict, and the half-width of its bar, relative."""
+    """Return a figure in Hz, or the verdict, and its relative error bar."""
     target, bands, zone, pillar = (
         record.target,
         record.of(BandsResult),
@@ -122,7 +122,7 @@ WIDE = "\u202f"
 
 @dataclass(frozen=True)
 class Card:
-    """A headline: its name, its value, a line beneath, its severity (good, bad or plain)."""
+    """Headline: name, value, note below it, severity (good, bad or plain)."""
 
     name: str
     value: str
@@ -131,7 +131,7 @@ class Card:
 
 
 def si(value: Any) -> str:
-    """A number for reading: a count with thin spaces between thousands, a figure without a bar, '-' for nothing."""
+    """Format a number: a count with thin spaces between thousands, a figure without an error bar, '-' for None."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -142,43 +142,43 @@ def si(value: Any) -> str:
 
 
 def khz(frequency_hz: float | None, error: float | None = None) -> str:
-    """A frequency with the digits that its relative bar allows, in a unit that fits."""
+    """Format a frequency with the digits that its relative error bar allows, in a suitable unit."""
     return quantity.frequency(frequency_hz, error, WIDE)
 
 
 def db(level_db: float | None, error_db: float | None = None) -> str:
-    """A level with the digits that its bar allows, in dB."""
+    """Format a level in dB with the digits that its error bar allows."""
     return quantity.level(level_db, error_db, WIDE)
 
 
 def bar(value: float | None, error: float | None, unit: str) -> str:
-    """A frequency in Hz with its relative bar, or a level in dB with its own, in words."""
+    """Format a frequency in Hz with its relative error bar, or a level in dB with its own."""
     if unit == "Hz":
         return quantity.frequency_with_bar(value, error, WIDE)
     return quantity.with_bar(value, error, unit, WIDE) if error is not None else db(value)
 
 
 def share_of_zone(target: TargetMode) -> str:
-    """The zone's share of the squared normal displacement with the digits of its bar."""
+    """Format the zone fraction of the squared normal displacement with the digits of its error bar."""
     return quantity.percentage(target.zone_share, target.zone_share_error, WIDE)
 
 
 def verdict(record: Record) -> str:
-    """Whether the target mode is confined, as a mode and driven, and whether the expected error leaves that open."""
+    """Describe whether the target mode is confined, as a mode and driven, or left open by the expected error."""
     level, error = record.confinement_db, record.target.confinement_error_db if record.target else None
     close = error is not None and level is not None and abs(level - CONFINED_DB) <= error
-    return f"{record.verdict}, but nearer to {CONFINED_DB:g} dB than its expected error" if close else record.verdict
+    return f"{record.verdict}, but within its expected error of {CONFINED_DB:g} dB" if close else record.verdict
 
 
 def best_case(study: StoredStudy) -> StoredCase | None:
-    """The case whose target mode is confined best, as driven where there are patches; without any, the first that has one."""
+    """Return the case with the best confined target mode, as driven if patches exist; else the first with a mode."""
     levels = {case.case_id: level for case in plates(study) if (level := case.record.ranked_db) is not None}
     best = max(levels, key=lambda name: levels[name]) if levels else None
     return next((case for case in study.cases if case.case_id == best or (best is None and case.record.target)), None)
 
 
 def cards(study: StoredStudy) -> list[Card]:
-    """Headlines of a study: target mode, how well it is confined, gap, how the cases ended."""
+    """Return the headlines of a study: target mode, its confinement, gap, status of the cases."""
     best = best_case(study)
     makers = (_target_card, _confinement_card, _rows_card, _gap_card) if best else ()
     made = [make(study, best) for make in makers if best]
@@ -186,7 +186,7 @@ def cards(study: StoredStudy) -> list[Card]:
 
 
 def _source(study: StoredStudy, case: StoredCase) -> str:
-    """Which design a figure is of, where the study has several: all headlines are of one."""
+    """Name the design of a figure if the study has several; all headlines refer to one."""
     return f"; plate {case.case_id}" if len(plates(study)) > 1 else ""
 
 
@@ -215,28 +215,28 @@ def _confinement_card(study: StoredStudy, best: StoredCase) -> Card | None:
 
 
 def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:
-    """The fewest rows on which a finite plate like the best confines its mode; without any, the estimate of endless rows."""
+    """Return the smallest number of rows that confines the mode on a finite plate, else the infinite-array estimate."""
     prediction = best.record.held("prediction")
     estimate = prediction.rows_needed if prediction else None
     per_row = (
-        f"{db(prediction.db_per_row, prediction.db_error)} a row at the target mode, "
+        f"{db(prediction.db_per_row, prediction.db_error)} per row at the target mode, "
         if prediction and prediction.db_per_row
         else ""
     )
     name = f"Rows for {CONFINED_DB:g}{WIDE}dB"
     enough = [case.sweep["array.rows"] for case in _like(study, best) if case.record.confined]
     if enough:
-        endless = f"; {per_row}endless rows would take {estimate}" if estimate else ""
+        infinite = f"; {per_row}an infinite array would need {estimate}" if estimate else ""
         return Card(
-            name, str(min(enough)), f"the fewest that confine it on a finite plate{endless}{_source(study, best)}"
+            name, str(min(enough)), f"the fewest that confine it on a finite plate{infinite}{_source(study, best)}"
         )
     if estimate:
-        return Card(name, f"≥ {estimate}", f"{per_row}an estimate for endless rows{_source(study, best)}")
+        return Card(name, f"≥ {estimate}", f"{per_row}an estimate for an infinite array{_source(study, best)}")
     return None
 
 
 def _like(study: StoredStudy, best: StoredCase) -> list[StoredCase]:
-    """Plates that differ from the best in their rows alone."""
+    """Return plates that differ from the best only in their rows."""
     others = {key: value for key, value in best.sweep.items() if key != "array.rows"}
     return [
         case
@@ -257,7 +257,7 @@ def _gap_card(study: StoredStudy, best: StoredCase) -> Card | None:
 
 
 def plates(study: StoredStudy) -> list[StoredCase]:
-    """The study's cases, each design once: a plate computed beside a sweep may be one of the sweep's own."""
+    """Return the study's cases, each design once: a plate in addition to a sweep may also be one of the sweep."""
     first: dict[str, str] = {}
     for case in sorted(study.cases, key=lambda case: not case.sweep):
         first.setdefault(_plate_key(case), case.case_id)
@@ -265,7 +265,7 @@ def plates(study: StoredStudy) -> list[StoredCase]:
 
 
 def _plate_key(case: StoredCase) -> str:
-    """The design's key; the case's own name where there is no design, so that it counts once."""
+    """Return the key of the design; the case's name without a design, so that it counts once."""
     return case.record.design.key if case.record.design else case.case_id
 
 
@@ -279,7 +279,7 @@ def _ended(study: StoredStudy) -> Card:
 
 
 def headline(study: StoredStudy) -> str:
-    """The study's answer in a sentence that needs no knowledge of the field; '' where no level was measured."""
+    """Return the study's answer in one sentence for a lay reader; '' if no level was computed."""
     best = best_case(study)
     if best is None or best.record.confinement_db is None or best.record.target is None:
         return ""
@@ -306,7 +306,7 @@ def headline(study: StoredStudy) -> str:
 
 
 def facts_of(study: StoredStudy) -> list[str]:
-    """Plate, pillars, material, when it was computed and by what: of the best case, or of the first."""
+    """Return plate, pillars, material, date and version of the best case, or of the first."""
     case = best_case(study) or study.cases[0]
     design, stored = case.record.design, (case.read("input.json") or {}).get("case") or {}
     words = []
@@ -327,7 +327,7 @@ def facts_of(study: StoredStudy) -> list[str]:
         f"{len(study.cases)} case{'s' if len(study.cases) != 1 else ''}" + (f" of {measured}" if measured else "")
     )
     words += [
-        f"{key} changes no figure of this study: none of its measures depends on it"
+        f"{key} does not affect this study: none of its measures depends on it"
         for key in without_effect(study, asked.columns_of(study))
     ]
     if day := computed_on(study):
@@ -336,7 +336,7 @@ def facts_of(study: StoredStudy) -> list[str]:
 
 
 def computed_on(study: StoredStudy) -> str:
-    """The day of the study's last run by its journal, '' where there is none."""
+    """Return the day of the study's last run from its journal, '' without one."""
     try:
         lines = (study.folder / "journal.jsonl").read_text(encoding="utf-8").splitlines()
         return str(json.loads(lines[-1])["at"])[:10] if lines else ""
@@ -345,14 +345,14 @@ def computed_on(study: StoredStudy) -> str:
 
 
 def command(study: StoredStudy, case: StoredCase) -> str:
-    """The command that computes a case's plate again."""
+    """Return the command that computes a case's plate again."""
     base = case_file(study)
     settings = [word for key, value in case.sweep.items() for word in ("--set", f"{key}={toml_text(value)}")]
     return shlex.join(["antinode", "modes", base, *settings]) if base else ""
 
 
 def case_file(study: StoredStudy) -> str:
-    """The case file as a command takes it: from the checkout for one of its own studies, else beside the study file."""
+    """Return the case file for a command: relative to the checkout for its own studies, else next to the study file."""
     base = study.about.get("case")
     if not isinstance(base, str):
         return ""
@@ -361,7 +361,7 @@ def case_file(study: StoredStudy) -> str:
 
 
 def sentences(study: StoredStudy) -> list[str]:
-    """The study's answer in a few sentences."""
+    """Return the study's answer in a few sentences."""
     said = []
     result = [case for case in plates(study) if case.record.confined is not None]
     if len(result) > 1:
@@ -380,7 +380,7 @@ def sentences(study: StoredStudy) -> list[str]:
         said.append(f"The pillars' bending bands of the unit cell{whose} meet M at {tones}.")
     for case in study.cases:
         if not case.record.answered:
-            said.append(f"{case.case_id} gave no answer: {case.record.diagnosis}.")
+            said.append(f"{case.case_id} has no result: {case.record.diagnosis}.")
     return said
 
 
@@ -394,7 +394,7 @@ def _confinement_sentence(record: Record) -> str:
 
 
 def comparison(study: StoredStudy) -> list[dict[str, Any]]:
-    """The text's figures beside ours, with the difference where both are numbers."""
+    """Return the thesis' values compared with ours, with the difference if both are numbers."""
     rows = compare([case.record for case in study.cases])
     return [{**row, "difference": _difference(row["thesis"], row["ours"])} for row in rows]
 
@@ -406,7 +406,7 @@ def _difference(thesis: float | str, ours: float | str) -> str:
 
 
 def band_difference(record: Record) -> float | None:
-    """Largest relative difference between the two meshes' bands at the wavevectors that both have; zero modes left out."""
+    """Return the largest relative difference of the two meshes' bands at common wavevectors, without zero modes."""
     bands, tetrahedra = record.of(BandsResult), record.answers.get("tet_bands")
     ours, worst = bands.labelled if bands else {}, None
     for point in tetrahedra.points if tetrahedra else []:
@@ -418,7 +418,7 @@ def band_difference(record: Record) -> float | None:
 
 
 def modes(record: Record) -> list[dict[str, Any]]:
-    """The modes nearest the target mode, at most forty, each told whether it is the target mode."""
+    """Return at most forty modes nearest the target mode, each with whether it is the target mode."""
     lines = record.modes.modes if record.modes else []
     index = record.target.index if record.target else None
     rows = [{"mode": mode, "number": number + 1, "target": number == index} for number, mode in enumerate(lines)]
@@ -427,7 +427,7 @@ def modes(record: Record) -> list[dict[str, Any]]:
 
 
 def mode_cells(mode: ModeRecord) -> list[str]:
-    """A mode's row: frequency in kHz and its bar in percent, symmetry, MAC, zone share, level in dB."""
+    """Return the cells of a mode: frequency in kHz, error bar in percent, symmetry, MAC, zone fraction, level in dB."""
     tone = quantity.frequency_figure(mode.frequency_hz, mode.error, quantity.Unit("kHz", KHZ))
     both = (mode.mac, mode.mac_error), (mode.zone_share, mode.zone_share_error)
     shares = [quantity.figure(value, error) for value, error in both]
@@ -436,7 +436,7 @@ def mode_cells(mode: ModeRecord) -> list[str]:
 
 
 def left_out(study: StoredStudy) -> list[dict[str, str]]:
-    """What was left out and why, each once, with the cases it holds for."""
+    """Return each simplification and its reason once, with the cases to which it applies."""
     texts: dict[str, list[str]] = {}
     for case in study.cases:
         for text in case.record.left_out:
@@ -450,7 +450,7 @@ def _which(names: list[str], study: StoredStudy) -> str:
 
 
 def plans(study: StoredStudy) -> list[dict[str, Any]]:
-    """What was computed and why, step by step: every distinct plan with the cases that followed it."""
+    """Return every distinct plan, step by step with reasons, and the cases that followed it."""
     texts: dict[str, tuple[list[str], list[list[str]]]] = {}
     for case in study.cases:
         plan = case.record.plan

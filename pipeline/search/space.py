@@ -15,7 +15,7 @@ from geometry.elements import FloatArray
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from pipeline.case.model import Case, parsed
-from pipeline.case.reading import HEIGHTS, INSTEAD, SIDES, apply_overrides, nearest, toml_text
+from pipeline.case.reading import HEIGHTS, SIDES, UNIFORM_ROW_KEYS, apply_overrides, nearest, toml_text
 from pipeline.case.schema import MATERIAL_OWNERS, TABLES, known_keys
 from pipeline.errors import InputError
 from pipeline.quantity import MM
@@ -236,7 +236,7 @@ def _word(value: Any) -> str:
 
 def _rows(case: Case, variable: Variable, between: Range) -> list[Variable]:
     """Return the variable, or one per row of the file if its key has one value per row; InputError without rows."""
-    if variable.key not in INSTEAD:
+    if variable.key not in UNIFORM_ROW_KEYS:
         return [variable]
     rows = case.design.rows
     if not rows:

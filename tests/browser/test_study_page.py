@@ -120,7 +120,7 @@ def test_the_filter_takes_words_and_comparisons(visit: Visits, study: Path) -> N
 def test_a_mode_moves_and_stops_by_keyboard(visit: Visits, study: Path) -> None:
     page = visit(study).page
     canvas = moving(page)
-    assert not page.get_by_text("need scripts").count()
+    assert not page.get_by_text("need JavaScript").count()
     start, first = frames(canvas), canvas.screenshot()
     page.wait_for_function("([it, n]) => Number(it.dataset.frames) > n + 3", arg=[canvas.element_handle(), start])
     assert canvas.screenshot() != first
@@ -247,7 +247,7 @@ def test_a_click_on_a_wave_shows_its_shape_at_the_nearest_stored_point(visit: Vi
     page = seen.page
     assert not page.locator(WAVES).is_visible()
     page.mouse.click(*place_of_wave(page, 2 * 10 + 2))  # third wavevector, third band
-    assert "band 3 at Γ" in page.locator("#dispersion-told").inner_text()
+    assert "band 3 at Γ" in page.locator("#dispersion-note").inner_text()
     canvas = moving(page, WAVES)
     start = frames(canvas)
     page.wait_for_function("([it, n]) => Number(it.dataset.frames) > n + 3", arg=[canvas.element_handle(), start])
@@ -259,9 +259,11 @@ def test_bands_of_an_older_record_are_drawn_and_what_they_lack_is_told(visit: Vi
     page = seen.page
     page.locator("#dispersion-cell").select_option(index=1)
     wait_for_drawing(page)
-    assert "polarisation: not in this record" in page.locator("#dispersion-legend").inner_text()
+    assert "polarisation: not stored in this record" in page.locator("#dispersion-legend").inner_text()
     page.mouse.click(*place_of_wave(page, 5))
-    assert "run the study with this version" in page.locator("#dispersion-told").inner_text() and seen.faults == []
+    assert (
+        "run the study again with this version" in page.locator("#dispersion-note").inner_text() and seen.faults == []
+    )
 
 
 def test_everything_shown_has_words(visit: Visits, study: Path) -> None:
@@ -309,7 +311,7 @@ def test_without_scripts_words_tables_and_pictures_are_there(visit: Visits, stud
     assert page.locator("#cases-table tbody tr").count() == 3
     assert page.locator("#summary .card").count() >= 4
     assert (
-        page.get_by_text("The diagram needs scripts").is_visible()
-        and page.get_by_text("Moving shapes need").first.is_visible()
+        page.get_by_text("The diagram needs JavaScript").is_visible()
+        and page.get_by_text("Animated shapes need").first.is_visible()
     )
     assert all(image.get_attribute("src") for image in page.locator("img").all())

@@ -1,5 +1,5 @@
 "use strict";
-// The dispersion diagram: drawn from the stored bands, told under pointer and arrow keys, zoomed, its waves shown as shapes.
+// Dispersion diagram: drawn from the stored bands, with values at the pointer and arrow keys, zoom, and wave shapes.
 (() => {
   const host = document.querySelector("#dispersion-diagram");
   const source = document.querySelector("#bands-data");
@@ -8,13 +8,13 @@
   const KINDS = ["flexural", "shear", "longitudinal"];
   const NAMES = { G: "Γ" };
   const [LEFT, RIGHT, TOP, BOTTOM] = [58, 12, 10, 44];
-  const REACH = 26; // px: how near a wave has to be to be told
-  const DEEPEST = 400; // times enlarged at most
+  const REACH = 26; // px: largest distance from the pointer at which a wave is picked
+  const DEEPEST = 400; // largest magnification
   const svg = host.querySelector("svg");
   const tip = host.querySelector(".tip");
   const legend = document.querySelector("#dispersion-legend");
   const picker = document.querySelector("#dispersion-cell");
-  const told = document.querySelector("#dispersion-told");
+  const note = document.querySelector("#dispersion-note");
   let cell, view, whole, frame, cursor = null, chosen = null, drawing = 0;
 
   const element = (parent, name, attributes = {}, text = "") => {
@@ -39,7 +39,7 @@
     document.querySelector("#dispersion-gap").hidden = !cell.gaps.length;
     document.querySelector("#dispersion-target").hidden = !cell.target_hz;
     zoom_to(whole);
-    draw(); // at once: who comes early, by hand or by keyboard, finds the diagram there
+    draw(); // at once, so that early pointer or keyboard input finds the diagram
     write_legend();
   }
 
@@ -147,7 +147,7 @@
       item.append(` ${name}`);
       legend.append(item);
     }
-    if (!cell.kind) legend.append(Object.assign(document.createElement("li"), { textContent: "polarisation: not in this record" }));
+    if (!cell.kind) legend.append(Object.assign(document.createElement("li"), { textContent: "polarisation: not stored in this record" }));
     if (cell.target_hz) {
       const item = document.createElement("li");
       const line = element(item, "svg", { width: 22, height: 14, "aria-hidden": "true" });
@@ -157,7 +157,7 @@
     }
   }
 
-  // --- telling a wave ----------------------------------------------------------------------------------------------
+  // --- values of a wave---------------------------------------------------------------------------------------------
   function where(point) {
     if (cell.labels[point]) return label(cell.labels[point]);
     const before = cell.labels.slice(0, point).reverse().find(Boolean), after = cell.labels.slice(point).find(Boolean);
@@ -172,7 +172,7 @@
       cell.shown[point][band],
       `${where(point)}, k = (${kx.toFixed(1)}, ${ky.toFixed(1)}) rad/m`,
       kind + (cell.pillar?.[point][band] ? ", mostly in the pillar" : ""),
-      ...(speed == null ? [] : [`group speed ${speed} m/s`]),
+      ...(speed == null ? [] : [`group velocity ${speed} m/s`]),
     ];
   }
   function tell(wave) {
@@ -208,19 +208,19 @@
     chosen = wave;
     later();
     if (!cell.shapes) {
-      told.textContent = "No shapes of this cell's waves are in the page: run the study with this version to store them.";
+      note.textContent = "The page contains no wave shapes for this cell: run the study again with this version to store them.";
       return;
     }
     const stored = cell.labels.map((name, point) => ({ name, point })).filter(({ name }) => cell.shapes[name]?.[wave.band] !== undefined);
     if (!stored.length) {
-      told.textContent = `No shape of band ${wave.band + 1} is stored: the lowest bands are.`;
+      note.textContent = `Only the lowest bands have stored shapes; band ${wave.band + 1} has none.`;
       return;
     }
     const far = ({ point }) => Math.abs(cell.arc[point] - cell.arc[wave.point]);
     const { name, point } = stored.reduce((best, other) => (far(other) < far(best) ? other : best));
     chosen = { point, band: wave.band };
     const moved = point === wave.point ? "" : ", the nearest wavevector with a stored shape";
-    told.textContent = `Shown: band ${wave.band + 1} at ${label(name)}, ${cell.shown[point][wave.band]}${moved}.`;
+    note.textContent = `Shown: band ${wave.band + 1} at ${label(name)}, ${cell.shown[point][wave.band]}${moved}.`;
     dispatchEvent(new CustomEvent("antinode:wave", { detail: cell.shapes[name][wave.band] }));
   }
 
@@ -255,7 +255,7 @@
   const to_target = () => zoom_to({ x: whole.x, y: [0, 2 * cell.target_hz] });
   const on_cursor = () => cursor && [cell.arc[cursor.point], cell.hz[cursor.point][cursor.band]];
 
-  // --- what people do ----------------------------------------------------------------------------------------------
+  // --- interaction -------------------------------------------------------------------------------------------------
   let grip = null;
   svg.addEventListener("pointermove", (event) => {
     if (!grip) return tell(nearest(event));
@@ -275,9 +275,9 @@
   addEventListener("pointercancel", () => { grip = null; });
   svg.addEventListener("pointerleave", () => { if (document.activeElement !== svg) tell(null); });
   svg.addEventListener("wheel", (event) => {
-    if (event.deltaY > 0 && is_whole()) return; // nothing to zoom out of: the page scrolls
+    if (event.deltaY > 0 && is_whole()) return; // already zoomed out: let the page scroll
     event.preventDefault();
-    const turned = event.deltaY || event.deltaX; // with shift some browsers turn the wheel sideways
+    const turned = event.deltaY || event.deltaX; // with Shift some browsers report horizontal scrolling
     zoom(turned < 0 ? 1.25 : 0.8, value_at(at(event)), event.shiftKey ? "y" : "xy");
   }, { passive: false });
 

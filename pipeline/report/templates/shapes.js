@@ -1,17 +1,17 @@
 "use strict";
-// Mode shapes that turn and move: stored surfaces drawn by three.js, which is unpacked when the first one comes into view.
+// Animated mode shapes: stored surfaces drawn by three.js, which is unpacked when the first one comes into view.
 (() => {
-  const PERIOD = 1600; // ms: a vibration, slowed down so that it can be seen
+  const PERIOD = 1600; // ms: one period, slowed down to be visible
   const VIEW = [1.0, -1.6, 1.3]; // from the body to the eye
   const VIEWS = { reset: VIEW, below: [0.5, -0.9, -1.5], side: [0, -1, 0.06] };
   const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
-  // --- what is stored ----------------------------------------------------------------------------------------------
-  async function surface(stored) { // mm, from the middle of the touch face
+  // --- stored surfaces ---------------------------------------------------------------------------------------------
+  async function surface(stored) { // mm, from the centre of the touch face
     const steps = await unpack.rows(stored.points, 3, 2);
     const points = Float32Array.from(steps, (step, i) => 1e3 * (stored.low[i % 3] + (step / 0xffff) * stored.span[i % 3]));
     const size = stored.wide ? 4 : 2, span = 2 ** (8 * size);
-    const corners = await unpack.rows(stored.facets, stored.corners, size); // differences from the facet before
+    const corners = await unpack.rows(stored.facets, stored.corners, size); // differences from the previous facet
     for (let i = stored.corners; i < corners.length; i++) corners[i] = (corners[i] + corners[i - stored.corners]) % span;
     const triangles = [];
     for (let i = 0; i < corners.length; i += stored.corners) {
@@ -141,7 +141,7 @@
       this.play(this.playing);
     }
 
-    still() { // no WebGL: the picture of the same mode that the page holds anyway
+    still() { // no WebGL: show the still picture of the same mode
       this.scene = null;
       this.visible = false;
       this.figure.dataset.state = "still";
@@ -156,11 +156,11 @@
       const shape = this.data.shapes[number];
       const about = this.figure.querySelector(".about");
       about.textContent = `${shape.about}.`;
-      this.canvas.setAttribute("aria-label", `${shape.about}, moving; arrow keys turn it, space plays and pauses`);
+      this.canvas.setAttribute("aria-label", `${shape.about}, animated; arrow keys rotate it, space plays and pauses`);
       if (this.figure.dataset.state === "still") return this.show_still(shape, about);
       if (!this.scene) return;
       const geometry = await this.geometry(shape);
-      if (this.number !== number) return; // another one was chosen meanwhile
+      if (this.number !== number) return; // another shape was chosen in the meantime
       const fresh = this.body !== shape.body;
       this.body = shape.body;
       this.scene.clear();
@@ -174,7 +174,7 @@
       const stage = this.canvas.parentElement;
       stage.querySelector("img")?.remove();
       if (picture) stage.append(Object.assign(document.createElement("img"), { src: picture.src, alt: picture.alt }));
-      about.textContent += picture ? " WebGL is not available here: a still picture." : " WebGL is not available here, and no still picture is in the page.";
+      about.textContent += picture ? " WebGL is not available: showing a still picture." : " WebGL is not available, and the page has no still picture.";
     }
 
     add(shape, copy, geometry) {
@@ -208,7 +208,7 @@
       return this.surfaces.get(shape);
     }
 
-    // --- looking -----------------------------------------------------------------------------------------------------
+    // --- camera ------------------------------------------------------------------------------------------------------
     fit() {
       const stage = this.canvas.parentElement;
       const width = Math.max(1, stage.clientWidth), height = Math.round(Math.min(Math.max(260, 0.5 * width), 0.7 * innerHeight));
@@ -241,7 +241,7 @@
       this.later();
     }
 
-    distance(half, toward) { // from which all eight corners of a box are in the picture
+    distance(half, toward) { // distance at which all eight corners of a box are visible
       const { Vector3 } = three();
       const eye = new Vector3(...toward), right = new Vector3(0, 0, 1).cross(eye).normalize(), up = eye.clone().cross(right);
       const high = Math.tan((this.camera.fov * Math.PI) / 360), wide = high * this.camera.aspect;
@@ -255,11 +255,11 @@
 
     save() {
       if (!this.materials) return;
-      this.renderer.render(this.scene, this.camera); // the picture is gone from the canvas once it is on the screen
+      this.renderer.render(this.scene, this.camera); // the canvas is cleared once its picture is on the screen
       this.keep(this.canvas.toDataURL("image/png"), "png");
     }
 
-    film() { // one period, by the browser's own encoder
+    film() { // one period, encoded by the browser
       if (!this.materials || !window.MediaRecorder || !this.canvas.captureStream) return;
       const recorder = new MediaRecorder(this.canvas.captureStream(30)), parts = [];
       recorder.addEventListener("dataavailable", (event) => parts.push(event.data));

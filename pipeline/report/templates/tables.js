@@ -1,5 +1,5 @@
 "use strict";
-// Tables sort at a press on a heading and show the rows that match a filter; without scripts everything is still readable.
+// Tables that sort by a heading and filter their rows; without JavaScript everything remains readable.
 (() => {
   for (const words of document.querySelectorAll("[data-without-scripts]")) words.remove();
   for (const control of document.querySelectorAll("[data-with-scripts]")) control.hidden = false;
@@ -16,7 +16,7 @@
     return Number.isNaN(x) || Number.isNaN(y) ? a.localeCompare(b, undefined, { numeric: true }) : x - y;
   };
   const order = (down) => (a, b) => {
-    if (nothing(a) || nothing(b)) return nothing(a) - nothing(b); // what has no value stays at the end
+    if (nothing(a) || nothing(b)) return nothing(a) - nothing(b); // rows without a value stay at the end
     return down ? compare(b, a) : compare(a, b);
   };
 
@@ -30,7 +30,7 @@
     table.tBodies[0].append(...rows);
   }
 
-  // A word stands in the row somewhere; `column>10` compares a column, named by the beginning of its heading without blanks.
+  // A word matches anywhere in a row; `column>10` compares a column, named by the start of its heading without spaces.
   const plain = (text) => text.toLowerCase().replace(/[^\p{L}\p{N}]/gu, "");
   const COMPARE = { "<": (a, b) => a < b, ">": (a, b) => a > b, "<=": (a, b) => a <= b, ">=": (a, b) => a >= b, "=": (a, b) => a === b };
   function test(table, word) {
@@ -49,7 +49,7 @@
     for (const row of rows) row.hidden = !tests.every((holds) => holds(row));
     const shown = rows.filter((row) => !row.hidden).length;
     document.querySelector(`[data-shown="${field.dataset.filter}"]`).textContent =
-      `${shown} of ${rows.length} shown${shown ? "" : ": no row holds these words or this comparison, such as confinement>10"}`;
+      `${shown} of ${rows.length} shown${shown ? "" : ": no row contains these words or satisfies the comparison (example: confinement>10)"}`;
   }
 
   for (const table of document.querySelectorAll("table.sortable")) {

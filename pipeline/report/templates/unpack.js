@@ -1,5 +1,5 @@
 "use strict";
-// What the page carries deflated: text, and rows of integers stored component by component, low bytes before higher ones.
+// Decompression of embedded data: text, and rows of integers stored by component, low bytes first.
 const unpack = (() => {
   async function bytes(text) {
     const raw = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));

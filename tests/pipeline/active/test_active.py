@@ -245,7 +245,7 @@ def test_the_circuits_verdicts_are_those_of_its_modes_whatever_band_is_shown(ban
 def test_a_band_without_modes_says_where_they_are(capsys) -> None:
     assert run("mason", "--band", "30Hz:34Hz") == 2
     text = capsys.readouterr()
-    assert text.out == "" and "holds no mode of the three bars" in text.err and "from 7.10 to 39.6 kHz" in text.err
+    assert text.out == "" and "contains no mode of the three bars" in text.err and "from 7.10 to 39.6 kHz" in text.err
 
 
 class OneBeam:

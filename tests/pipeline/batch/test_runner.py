@@ -172,7 +172,7 @@ def test_time_left_is_what_earlier_runs_took(tmp_path: Path):
     progress.begin(tmp_path, planned, {f"value={i}": 20.0 for i in range(3)})
     assert progress.time_left() == "about 60 s left"
     progress.begin(tmp_path, planned, {})
-    assert progress.time_left() == "time left not known yet"
+    assert progress.time_left() == "remaining time not yet known"
 
 
 def test_time_that_a_case_waits_for_a_worker_is_none_of_its_duration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -200,15 +200,15 @@ def test_time_that_a_case_waits_for_a_worker_is_none_of_its_duration(tmp_path: P
     progress.case_ended("value=0", "OK", "done", 20.0)
     (tmp_path / "value=1").mkdir()
     (tmp_path / "value=1" / store.RUN_LOG).write_text("")
-    assert later(2.0) == "about 20 s left" and later(21.0) == "about to end"
-    assert later(4.0) == "taking longer than the cases before"
+    assert later(2.0) == "about 20 s left" and later(21.0) == "almost finished"
+    assert later(4.0) == "taking longer than earlier cases"
 
 
 def test_a_case_that_failed_at_once_is_no_measure_of_time(tmp_path: Path):
     progress = Progress(stream=io.StringIO())
     progress.begin(tmp_path, [SimpleNamespace(case_id=f"value={i}", why="new") for i in range(3)], {})
     progress.case_ended("value=0", "FAILED", "lost", 0.0)
-    assert progress.time_left() == "time left not known yet"
+    assert progress.time_left() == "remaining time not yet known"
     progress.case_ended("value=1", "OK", "done", 50.0)
     assert progress.time_left() == "about 50 s left"
 
@@ -374,7 +374,7 @@ def test_a_lost_scheduler_is_told_in_one_line_with_what_to_do():
     planned = tuple(job.Planned(f"c{i}", "new") for i in range(5))
     outcome = runner.StudyOutcome(Path("x"), planned, (), ("c3", "c4"), ("c3",))
     text = study_commands._lost("tcp://host:8786", outcome)
-    assert "tcp://host:8786" in text and "1 of 5 were at work" in text and "The 3 finished ones are kept" in text
+    assert "tcp://host:8786" in text and "1 of 5 were running" in text and "The 3 finished ones are kept" in text
     assert "repeat the command" in text and "CancelledError" not in text
 
 

@@ -86,9 +86,9 @@ def test_a_record_tells_which_pillar_stands_at_each_centre() -> None:
 @pytest.mark.parametrize(
     ("overrides", "said"),
     [
-        ([("array.heights_mm", [6.3, 6.0])], "2 values, must be one for each of array.rows = 3"),
-        ([("array.heights_mm", [6.3, 0.0, 5.0])], "one a row from the zone outwards"),
-        ([("array.heights_mm", 6.3)], "one a row from the zone outwards"),
+        ([("array.heights_mm", [6.3, 6.0])], "2 values: must be one for each of array.rows = 3"),
+        ([("array.heights_mm", [6.3, 0.0, 5.0])], "one per row from the zone outwards"),
+        ([("array.heights_mm", 6.3)], "one per row from the zone outwards"),
         ([("array.heights_mm", [6.3, 0.001, 5.0])], "row 2: must be from 0.002"),
         ([("array.sides_mm", [2.0, 4.5, 2.0])], "pillars overlap: must exceed the pillar's footprint 4.5 mm"),
         ([("array.pitches_y_mm", [4.0, 1.5, 4.0])], "row 2: pillars overlap"),
@@ -122,7 +122,9 @@ def test_a_file_with_both_keys_is_refused_in_one_line() -> None:
     raw["array"] |= {"heights_mm": [6.3, 6.0, 5.7]}
     with pytest.raises(InputError) as refusal:
         case_from_dict(raw)
-    assert refusal.value.lines == ["case: pillar.height_mm = 6.3: must be left out beside array.heights_mm"]
+    assert refusal.value.lines == [
+        "case: pillar.height_mm = 6.3: cannot be combined with array.heights_mm: remove one of them"
+    ]
 
 
 def test_one_cell_is_refused_with_what_to_ask_instead() -> None:

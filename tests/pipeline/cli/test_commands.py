@@ -71,7 +71,7 @@ def test_wrong_input_is_one_clear_line_and_exit_code_2(
     ("settings", "said"),
     [
         ((), "[touch]: missing, touch needs it"),
-        (("touch.radius_mm=5.0", "touch.at_mm=[57.0, 0.0]"), "the contact reaches beyond the plate"),
+        (("touch.radius_mm=5.0", "touch.at_mm=[57.0, 0.0]"), "the contact extends beyond the plate"),
         (("touch.radius_mm=5.0", "touch.impedance={damping_N_s_m=-1.0}"), "must be the name of a fingertip"),
     ],
 )
@@ -185,7 +185,7 @@ def test_a_command_that_is_ended_says_so_and_leaves_the_signals_as_they_were(
     try:
         before = signal.getsignal(number)
         assert run("predesign", CASE) == 130
-        assert lines(capsys.readouterr().err) == ["antinode: interrupted; what was finished is kept"]
+        assert lines(capsys.readouterr().err) == ["antinode: interrupted; finished work is kept"]
         assert signal.getsignal(number) is before
     finally:
         signal.signal(number, inherited)
@@ -217,7 +217,7 @@ def test_a_report_names_the_cases_that_it_does_not_believe(
     record.write_text(record.read_text().replace("OK", "WARNING"))
     assert run("report", "rows") == 0
     text = lines(capsys.readouterr().err)
-    assert len(text) == 1 and "case a is not shown" in text[0] and "not what was written" in text[0]
+    assert len(text) == 1 and "case a is not shown" in text[0] and "do not match their checksum" in text[0]
 
 
 @pytest.mark.parametrize("words", [["--symmetry", "AS"], ["--symmetry=AA"]])
@@ -233,5 +233,5 @@ def test_a_limit_of_threads_that_is_none_is_wrong_input(
     monkeypatch.setenv("ANTINODE_THREADS", given)
     assert main.main(["materials"]) == 2
     assert capsys.readouterr().err == (
-        f"antinode: ANTINODE_THREADS = {given!r}: must be a whole number of threads, 0 for every core\n"
+        f"antinode: ANTINODE_THREADS = {given!r}: must be a whole number of threads; 0 uses every core\n"
     )

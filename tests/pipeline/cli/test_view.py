@@ -45,7 +45,7 @@ def test_without_a_display_it_says_what_to_do_instead(
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [(":4711", "no display answers"), ("nonsense", "must be like"), ("", "has no DISPLAY")]
+    ("name", "said"), [(":4711", "no display responds"), ("nonsense", "must be like"), ("", "has no DISPLAY")]
 )
 def test_a_display_is_asked_before_it_is_believed(name: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
@@ -85,7 +85,7 @@ def test_a_study_shows_its_best_plate_or_the_one_named(tmp_path: Path, monkeypat
         view.of_study("rows", "pitch_mm=5")
     with pytest.raises(InputError, match="rows=1: the mesh has a cell with a negative Jacobian"):
         view.of_study("rows", "pitch_mm=12,rows=1")
-    with pytest.raises(InputError, match="holds no plate to view"):
+    with pytest.raises(InputError, match="has no plate to show"):
         view.of_study("extremes")
     monkeypatch.setattr(paths, "RESULTS", tmp_path / "none")
     with pytest.raises(InputError, match="run it first"):

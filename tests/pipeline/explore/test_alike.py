@@ -119,7 +119,7 @@ def test_the_command_writes_document_rows_and_picture(
     assert len(document["samples"]) == 3 and document["dofs"] is None and document["space_check"] == {}
     assert (tmp_path / "tolerance.csv").read_text().splitlines()[0] == "sample,peak_hz,confinement_db,tracking"
     assert (tmp_path / "tolerance.png").exists()
-    assert "3 plates whose pillars are all off by the same" in scattered.pictures()[0].alt
-    assert "all of a plate off by the same" in capsys.readouterr().out
+    assert "3 plates, each with one deviation of all its pillars" in scattered.pictures()[0].alt
+    assert "one deviation shared by all of a plate" in capsys.readouterr().out
     assert main([*command, "--band", "30kHz:34kHz"]) == 2
-    assert "must be left out beside --alike" in capsys.readouterr().err
+    assert "cannot be combined with --alike" in capsys.readouterr().err

@@ -123,14 +123,14 @@ def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None
     case = load_case(CASE)
     zone_khz = levy_hz(strip_of(case.design), 8) / 1e3
     transmission = Transmission(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
-    for decay, said in ((5.0, "5.00 dB a row of endless rows, 15.0 dB in 3, 10 dB in 2"), (0.0, "undamped")):
+    for decay, said in ((5.0, "5.00 dB per row (15.0 dB in 3, 10 dB in 2)"), (0.0, "without attenuation")):
         points = [
             AttenuationPoint(frequency_hz=f, waves=[], db_per_row=decay, transmission=transmission)
             for f in (30e3, 40e3)
         ]
         solved = replace(synthetic.attenuation(3), points=points, zone_hz=1e3 * zone_khz)
         *_, line = solved.lines()
-        assert line.startswith(f"at {zone_khz:.1f} kHz") and said in line and "take 20.0 dB" in line
+        assert line.startswith(f"at {zone_khz:.1f} kHz") and said in line and "flexural wave by 20.0 dB" in line
     low = replace(solved, points=[replace(points[0], frequency_hz=f) for f in (1e3, 2e3)])
     assert len([*low.lines()]) == 2
 

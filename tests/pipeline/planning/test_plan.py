@@ -351,7 +351,7 @@ def test_a_dry_run_tells_the_plan_of_each_case(capsys: pytest.CaptureFixture[str
     text = capsys.readouterr().out
     cases = 1 + len(load_study("rows").cases())  # the unswept one too
     assert text.count("modes of the plate: superelement hex3") == text.count("left out: ") == cases
-    assert "the same plate and cell by tetrahedra" in text
+    assert "the plate and its cell with tetrahedra" in text
     assert text.count("interface polynomials of degree") >= cases <= text.count("fixed-interface modes to")
 
 

@@ -145,7 +145,7 @@ def test_prediction_and_finite_plates_share_a_picture(study: StoredStudy):
     report_figure = gallery.how_many_rows(study)
     assert report_figure is not None and "predicted 9.0 dB" in report_figure.alt
     words = labels(report_figure.figure)
-    assert "zone to extension (dB)" in words and "rows on each side" in words
+    assert "zone to margin (dB)" in words and "rows on each side" in words
 
 
 def test_confinement_against_what_was_swept(study: StoredStudy):

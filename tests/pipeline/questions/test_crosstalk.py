@@ -343,10 +343,10 @@ def test_patches_of_the_antinodes_stand_in_every_zone() -> None:
         ([ZONE, {"shared_rows": 1}, {"shared_rows": 2}], "must be the same between all zones"),
         ([ZONE, {}], "the zones touch"),
         ([{**ZONE, "centre_y_mm": -6.0}, {}], "must be a number in every table or in none"),
-        ([{**ZONE, "centre_y_mm": 0.0}, {"centre_y_mm": 20.0}], "must ascend evenly about 0"),
-        ({**ZONE, "count": 2, "shared_rows": 2, "gap_mm": 3.0}, "must be at least 7, which 2 rows take"),
-        ({**ZONE, "count": 2, "shared_rows": 1, "gap_mm": 9.0}, "must be even where the gap 9 mm leaves room"),
-        ({**ZONE, "shared_rows": 2}, "must be left out with one zone"),
+        ([{**ZONE, "centre_y_mm": 0.0}, {"centre_y_mm": 20.0}], "must ascend evenly around 0"),
+        ({**ZONE, "count": 2, "shared_rows": 2, "gap_mm": 3.0}, "must be at least 7, the width of 2 rows"),
+        ({**ZONE, "count": 2, "shared_rows": 1, "gap_mm": 9.0}, "must be even if gap_mm = 9 leaves room"),
+        ({**ZONE, "shared_rows": 2}, "applies to several zones only"),
     ],
 )
 def test_zones_that_cannot_be_are_one_line(zone: Any, said: str) -> None:

@@ -144,10 +144,10 @@ def test_patches_behind_the_rows_stand_beside_every_antinode() -> None:
     [
         ({"array__rows": 0}, "array.rows = 0: must be 1 or more"),
         ({"patches__circuit": "open"}, "must be 'short'"),
-        ({"patches__centres_mm": [[0.0, -11.0], [0.0, 11.0]]}, "no driving patch stands inside the zone"),
-        ({"patches__sensors": [1, 2, 3]}, "one drives, shaping takes two or more"),
-        ({"patches__behind_mm": 3.0}, "must be left out beside centres_mm"),
-        ({"patches": {"size_mm": [2.0, 2.0, 0.3], "behind_mm": 30.0}}, "reaches beyond the plate"),
+        ({"patches__centres_mm": [[0.0, -11.0], [0.0, 11.0]]}, "no driving patch lies inside the zone"),
+        ({"patches__sensors": [1, 2, 3]}, "only one drives"),
+        ({"patches__behind_mm": 3.0}, "cannot be combined with centres_mm"),
+        ({"patches": {"size_mm": [2.0, 2.0, 0.3], "behind_mm": 30.0}}, "extends beyond the plate"),
     ],
 )
 def test_what_cannot_be_is_one_line(change: dict[str, Any], said: str) -> None:

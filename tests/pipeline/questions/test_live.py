@@ -94,7 +94,7 @@ def test_live_answers_are_drawn_without_plates_and_beside_them(tmp_path: Path) -
     _, tone = figure.figure.axes
     (crosses,) = [line for line in tone.lines if line.get_marker() == "x"]
     assert crosses.get_xdata().tolist() == [5.0, 6.0, 7.0] and crosses.get_ydata().tolist() == [40.0, 36.0, 31.0]
-    assert [text.get_text() for text in figure.figure.legends[0].get_texts()] == ["live answer"]
+    assert [text.get_text() for text in figure.figure.legends[0].get_texts()] == ["explorer"]
 
 
 def _waits(folder: Path, order: Any) -> None:

@@ -52,7 +52,7 @@ def test_a_plan_of_what_plans_little_has_no_empty_words(tmp_path: Path, capsys: 
         lines = capsys.readouterr().out.splitlines()
         assert not [line for line in lines if line.endswith(":") or "the study asks" in line]
     assert main(["modes", SMALL, "--mesh-file", str(mesh), "--symmetry", "SS", "--explain"]) == 2
-    assert "--symmetry = SS: must be left out beside --mesh-file" in capsys.readouterr().err
+    assert "--symmetry = SS: cannot be combined with --mesh-file" in capsys.readouterr().err
 
 
 def test_patches_that_modes_leave_out_are_said(capsys: pytest.CaptureFixture[str]) -> None:

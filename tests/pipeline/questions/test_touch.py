@@ -111,7 +111,7 @@ def test_the_map_holds_the_case_s_own_place_and_is_drawn_from_the_record(record:
     assert (relative > 0.0).all() and relative.max() < 4.0 * np.median(relative)
     assert record.loop.needed_error_V and places.needed_error_V[here[0]][here[1]] < 4.0 * record.loop.needed_error_V
     (figure,) = record.pictures()
-    assert len(figure.figure.axes) == 3 and "places of the touch face" in figure.alt
+    assert len(figure.figure.axes) == 3 and "positions on the touch face" in figure.alt
     record.as_figure().savefig(tmp_path / "touch.svg")
     _by_power(2 * [SimpleNamespace(sweep={}, of=lambda kind: record)]).savefig(tmp_path / "power.svg")
     assert all((tmp_path / name).stat().st_size > 1000 for name in ("touch.svg", "power.svg"))

@@ -288,9 +288,9 @@ def test_shear_that_cannot_be_told_says_why(solved: tuple[TravelResult, Travelli
 
 def test_what_cannot_be_is_one_line(solved: tuple[TravelResult, Travelling]) -> None:
     for change, said in (
-        ({"zone__nodal_lines": 1}, "rigid shapes do not travel"),
+        ({"zone__nodal_lines": 1}, "rigid shapes cannot form a travelling wave"),
         ({"patches__circuit": "open"}, "must be 'short'"),
-        ({"patches__sensors": []}, "12 drive and 0 listen"),
+        ({"patches__sensors": []}, "12 drive and 0 are sensors"),
     ):
         with pytest.raises(InputError, match=said) as refused:
             ask(case_of(**change), Travel(), QUIET)

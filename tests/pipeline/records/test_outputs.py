@@ -67,7 +67,7 @@ def nothing_computed(monkeypatch: pytest.MonkeyPatch) -> None:
         ("export aster c.toml -o -", "several files (-.med, -.comm, -.export, -_README.txt)"),
         ("export table c.toml -o -", "several files (-.bin, -.h)"),
         ("export table c.toml -o fifo", "several files (fifo.bin, fifo.h)"),
-        ("export stl c.toml -o - --json -", "standard output takes one document"),
+        ("export stl c.toml -o - --json -", "standard output takes a single document"),
         ("export stl c.toml -o x.stl --json ./x.stl", "--json writes this file, too"),
         ("modes c.toml --json no/x.json", "no folder no"),
         ("modes c.toml --json x --csv ./x", "--json writes this file, too"),
@@ -165,7 +165,7 @@ def test_libraries_say_nothing_where_no_home_can_be_written(case: Path) -> None:
     [
         (["--unit", "mm"], "--unit = mm: needs --mesh-file"),
         (["--clamp", "FOOT"], "--clamp = FOOT: needs --mesh-file"),
-        (["--near", "3kHz", "--band", "1kHz:2kHz"], "--near = 3kHz: must be left out beside --band"),
+        (["--near", "3kHz", "--band", "1kHz:2kHz"], "--near = 3kHz: cannot be combined with --band"),
     ],
 )
 def test_options_without_effect_are_refused(

@@ -27,8 +27,8 @@ def test_bands_share_a_unit_and_their_bars_stand_in_files_alone() -> None:
 
 def test_what_was_asked_for_is_shown_as_it_was_asked() -> None:
     assert reading_table(("frequency_hz", "db_per_row", "db_error"), [[33333.333, 5.5, 0.123]]).splitlines() == [
-        "frequency (kHz)  decay per row (dB)  ± decay per row (dB)",
-        "        33.3333                5.50                  0.12",
+        "frequency (kHz)  attenuation per row (dB)  ± attenuation per row (dB)",
+        "        33.3333                      5.50                        0.12",
     ]
 
 

@@ -57,7 +57,7 @@ def test_a_field_that_is_not_of_this_version_refuses_the_record_by_its_place(tmp
     made = stored(tmp_path / "case").to_dict()
     made["modes"]["modes"][2]["hz"] = 3e4
     store.seal(tmp_path / "case", made)
-    with pytest.raises(store.BadRecord, match=r"no record of schema 5: modes\.modes\.2\.hz: "):
+    with pytest.raises(store.BadRecord, match=r"not a record of schema 5: modes\.modes\.2\.hz: "):
         record.read(tmp_path / "case")
 
 

@@ -41,7 +41,7 @@ def test_the_same_alarm_is_not_said_without_end(tmp_path: Path):
         log.close("WARNING")
     text = (tmp_path / "run.mess").read_text()
     assert text.count("<A> <EIGEN_3>") == SAME_WARNING_LIMIT
-    assert f"warning EIGEN_3 came {SAME_WARNING_LIMIT + 7} times in all" in text
+    assert f"warning EIGEN_3 occurred {SAME_WARNING_LIMIT + 7} times in total" in text
     assert len(log.warnings) == SAME_WARNING_LIMIT + 7  # the record keeps all of them
 
 

@@ -142,7 +142,7 @@ def test_a_record_of_an_earlier_version_is_computed_again(tmp_path: Path):
     folder = tmp_path / "c"
     finished_case(folder)
     edited(folder, store.RECORD, lambda stored: stored.pop("proof"))
-    assert why(folder) == "record.json carries no proof; an earlier version wrote it"
+    assert why(folder) == "record.json has no checksum: it was written by an earlier version"
 
 
 def test_arrays_of_another_case_do_not_stand(tmp_path: Path):

@@ -75,10 +75,10 @@ def test_large_studies_compare_no_design_with_every_other(study: StoredStudy, mo
 def test_rows_needed_are_those_of_finite_plates_beside_the_endless_estimate(study: StoredStudy) -> None:
     """The best plate has pitch 6: of two rows it holds its mode, of one row it does not (9 dB)."""
     rows = next(card for name, card in cards(study).items() if name.startswith("Rows"))
-    assert rows.value == "2" and "finite plate" in rows.note and "endless rows would take 2" in rows.note
+    assert rows.value == "2" and "finite plate" in rows.note and "an infinite array would need 2" in rows.note
     lone = StoredStudy(Path("s"), {}, (plate(4, 1, 7.0),))
     (rows,) = [card for name, card in cards(lone).items() if name.startswith("Rows")]
-    assert rows.value == "≥ 2" and "estimate for endless rows" in rows.note
+    assert rows.value == "≥ 2" and "estimate for an infinite array" in rows.note
 
 
 def test_a_plate_computed_beside_its_sweep_counts_once(study: StoredStudy) -> None:

@@ -205,7 +205,7 @@ def test_it_says_what_matters(page: Page):
     assert "31.5\u202fkHz" in text and "163–176\u202fkHz" in text
     assert "confined; driven at its own peak, 11.0\u202fdB as a mode, best of 2 plates" in text
     assert "1 of 2 plates confine the target mode by at least 10 dB: pitch_mm=4,rows=1." in text
-    assert "pitch_mm=12,rows=1 gave no answer: the mesh has a cell with a negative Jacobian <7>." in text
+    assert "pitch_mm=12,rows=1 has no result: the mesh has a cell with a negative Jacobian <7>." in text
     assert "faces <clamped>" in text
     assert "a thin element" in text and "patches: no response is requested (2 of 3" in text
     assert "python 3.11.7" in text and "antinode run rows" in text
@@ -232,7 +232,7 @@ def test_what_does_not_fit_is_named_and_no_picture_is_missing(
     page = Page(report_page.build(copy).read_text())
     assert 2 < len(page.all("img")) < 12 and all(i["src"].startswith("data:") for i in page.all("img"))
     assert sum(len(image["src"]) for image in page.all("img")) < room
-    assert "Also drawn, in the case's folder pictures" in page.text
+    assert "Further pictures in the case's folder pictures" in page.text
     stored_pictures = store.read_json(copy / "pitch_mm=4,rows=1/pictures/index.json")["pictures"]
     alt_texts = {image["alt"] for image in page.all("img")}
     assert all(picture["alt"] in alt_texts or picture["title"] in page.text for picture in stored_pictures)
@@ -331,7 +331,7 @@ def test_a_thousand_cases_stay_a_light_page(tmp_path: Path):
 
 
 def test_no_study_is_one_clear_line(tmp_path: Path):
-    with pytest.raises(store.BadRecord, match="no study is stored here"):
+    with pytest.raises(store.BadRecord, match="no stored study"):
         report_page.build(tmp_path)
 
 
@@ -382,7 +382,7 @@ def test_a_record_of_another_version_is_one_line_and_spoils_no_other(folder: Pat
     path = copy / "pitch_mm=6,rows=1/record.json"
     store.seal(path.parent, {**json.loads(path.read_text()), **harm})
     page = Page(report_page.build(copy, max_figures=0).read_text())
-    said = re.search(rf"record.json(: {store.EARLIER}| is no record of schema {store.SCHEMA})", page.text)
+    said = re.search(rf"record.json(: {store.EARLIER}| is not a record of schema {store.SCHEMA})", page.text)
     assert page.read_errors == [] and said
     assert "31.5\u202fkHz" in page.text
 
@@ -394,7 +394,7 @@ def test_an_edited_record_is_named_and_its_numbers_are_not_shown(folder: Path, t
     record["modes"]["target"]["confinement_db"] = 99.25
     path.write_text(json.dumps(record))
     text = Page(report_page.build(copy, max_figures=0).read_text()).text
-    assert "99.25" not in text and "record.json and files.json are not what was written" in text
+    assert "99.25" not in text and "record.json and files.json do not match their checksum" in text
     assert "99.25" not in table(read_study(copy))
 
 
@@ -403,7 +403,7 @@ def test_arrays_of_another_case_are_named_and_not_drawn(folder: Path, tmp_path: 
     copy = Path(shutil.copytree(folder, tmp_path / "rows"))
     store.save_arrays(copy / "pitch_mm=4,rows=1", {"touch_xy": np.zeros((3, 2))})
     page = Page(report_page.build(copy, max_figures=1).read_text())
-    assert "pitch_mm=4,rows=1: arrays.npz is unreadable (its content is not what was written)" in page.text
+    assert "pitch_mm=4,rows=1: arrays.npz is unreadable (its content does not match its checksum)" in page.text
 
 
 @pytest.mark.parametrize("stored", [{"cases": [{"name": "a"}]}, {"about": 3, "cases": 4}])
@@ -416,7 +416,9 @@ def test_a_list_of_cases_of_another_version_is_one_clear_line(tmp_path: Path, st
 @pytest.mark.parametrize("stored", ["[]", '{"about": {}, "cases": [{"case_id": "a"}]}'])
 def test_a_list_of_cases_without_its_proof_is_not_believed(tmp_path: Path, stored: str):
     (tmp_path / "cases.json").write_text(stored)
-    with pytest.raises(store.BadRecord, match=r"cases.json: not what a run of this version wrote; run the study again"):
+    with pytest.raises(
+        store.BadRecord, match=r"cases.json: was changed or written by another version; run the study again"
+    ):
         report_page.build(tmp_path)
 
 

@@ -102,7 +102,7 @@ def test_the_largest_isolation_is_that_of_most_rows(monkeypatch: pytest.MonkeyPa
         ),
         (("--goal", "widest"), "--goal widest: applies to a single zone"),
         (("--min-isolation", "-3"), "must be 0.001 or more"),
-        (("--verify-with", "solid"), "--verify-with solid: zone.count = 2, must be plate"),
+        (("--verify-with", "solid"), "--verify-with solid: zone.count = 2: must be plate"),
         (
             ("--set", "zone.count=1", "--set", "zone.shared_rows=0", "--goal", "closest"),
             "set zone.count to 2 or more",
@@ -112,8 +112,8 @@ def test_the_largest_isolation_is_that_of_most_rows(monkeypatch: pytest.MonkeyPa
             "--min-isolation: needs several zones",
         ),
         (("--set", "patches.circuit='open'"), "must be 'short'"),
-        (("--vary", "array.heights_mm=5:6"), "must be left out with several zones"),
-        (("--vary", "array.stagger=false:true"), "must be left out with several zones"),
+        (("--vary", "array.heights_mm=5:6"), "applies to a single zone only"),
+        (("--vary", "array.stagger=false:true"), "applies to a single zone only"),
     ],
 )
 def test_what_zones_refuse_is_one_line(
