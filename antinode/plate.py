@@ -121,7 +121,7 @@ class Plate(Frozen):
 
         Parameters
         ----------
-        **changes
+        changes
             Keys with their new values: the last part of a key if only one table has it, else table__key. The name of a
             table replaces the whole table; None removes it.
 
@@ -284,7 +284,7 @@ def load(path: str | Path, **overrides: Any) -> Plate:
     ----------
     path : str or Path
         The case file (TOML).
-    **overrides
+    overrides
         Changed keys, as in `Plate.with_`.
 
     Returns

@@ -215,7 +215,7 @@ def sweep(
         Whether to pair the values instead of combining them in a full grid.
     progress : bool, optional
         Whether to report progress on standard error; by default in a terminal or a notebook.
-    **values
+    values
         Keys as in `Plate.with_`, each with its values in the unit of the key.
 
     Returns

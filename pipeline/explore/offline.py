@@ -41,7 +41,11 @@ SCRIPTS = "figures.js", "explore.js"  # of the page
 WORKER = "figures.js", "model.js", "worker.js"
 SOLVER = Path(__file__).parent / "vendor" / "ml-matrix.min.js"
 # constants of the target mode, and of its search
-RULE = ("similar", "clear", "lead", "majority", "rival", "named", "past", "step", "steps", "rounds")
+RULE = {
+    "similar": target_mode.MIN_MAC, "clear": target_mode.MIN_MAC_SINGLE, "lead": target_mode.LEAD,
+    "majority": target_mode.MAJORITY, "rival": target_mode.RIVAL, "named": target_mode.MAX_RIVALS,
+    "past": target_mode.WINDOW_MARGIN, "step": target_mode.STEP, "steps": target_mode.STEPS, "rounds": target_mode.ROUNDS,
+}  # fmt: skip
 CONSTANTS = {
     "beside": block.BESIDE, "flat": bands.FLAT, "safety": bands.SAFETY, "smallest": gaps.SMALLEST,
     "negligible": confinement.NEGLIGIBLE, "short": SHORT, "wide_m": WIDE_M, "steepest_db": STEEPEST_DB,
@@ -56,7 +60,7 @@ LACKING = {
     "cut": "an extension below {least} mm cuts through the last rows' cells: this page has no answer for such a plate "
     "without its program, antinode explore",
 }
-MAX_BYTES = 12_000_000
+MAX_BYTES = 16_000_000
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' blob:; worker-src blob:; style-src 'unsafe-inline'; img-src data:"
 )
@@ -101,7 +105,7 @@ def page(explorer: Explorer) -> str:
     html = html.replace('<link rel="stylesheet" href="explore.css">', style)
     if len(html.encode()) > MAX_BYTES:
         size, most = len(html.encode()) / 1e6, MAX_BYTES / 1e6
-        raise InputError(f"the explorer's page would have {figure(size)} MB, at most {most:g} MB are meant to travel")
+        raise InputError(f"the explorer's page would have {figure(size)} MB, more than {most:g} MB")
     return html
 
 
@@ -144,7 +148,7 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "panel": PANEL,
         "reach": finite.REACH,
         "finite": _finite(design),
-        "rule": {name: getattr(target_mode, name.upper()) for name in RULE},
+        "rule": RULE,
         "profile": PROFILE,
         "decay_points": POINTS,
         "mesh": _mesh(model.mesh) if model.mesh else None,

@@ -34,7 +34,7 @@ class DqResult(Modelled, table="comparison", axes=("quantity",)):
         "bounded_by_neighbours"
     )
     feasibility: list[dict[str, Any]] = column(
-        "drive needed for an amplitude, as fractions of the largest drive: reference, steady_drive, peak_drive while "
+        "drive needed for an amplitude, by share of the largest: reference, steady_drive, peak_drive while "
         "rising, "
         "feasible (the drive never reaches its limit), largest_reference that keeps the response, least_time_s to 95 % "
         "at full "

@@ -95,7 +95,7 @@ def test_one_row_has_nothing_to_be_shifted_beside() -> None:
 @pytest.mark.parametrize(
     ("settings", "line"),
     [
-        (("pillar.side_mm=2",), "cells of half a pitch need array.pitch_x_mm above 4"),
+        (("pillar.side_mm=2",), "cells half a pitch wide need array.pitch_x_mm above 4"),
         (("zone.length_mm=5",), "a shifted row contains no pillar: zone.length_mm must be at least 5.6"),
         (("tolerance.position_mm=0.07",), "3 side_mm + 6 position_mm must be below the room 0.4 mm"),
     ],

@@ -381,7 +381,7 @@ def test_a_lost_scheduler_is_told_in_one_line_with_what_to_do():
 def test_a_worker_with_other_sources_is_refused(tmp_path: Path):
     mark = store.Fingerprint("0" * 64, {})
     end = job.run_case(fake_study.compute, fake_study.jobs(1)[0], tmp_path, mark)
-    assert end.status == "FAILED" and "other sources" in end.diagnosis and starts(tmp_path) == {}
+    assert end.status == "FAILED" and "sources of this worker differ" in end.diagnosis and starts(tmp_path) == {}
 
 
 def test_a_second_run_of_the_same_study_is_refused_in_one_line(tmp_path: Path):

@@ -100,7 +100,7 @@ def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, mon
 
 
 def test_the_board_needs_the_modes_and_depends_on_the_firmware(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="must hold modes"):
+    with pytest.raises(InputError, match="add modes to measure"):
         case_study.jobs_of(study(tmp_path, '["bands", "board"]'))
     with_board, without = (
         case_study.jobs_of(study(tmp_path, m))[0].payload for m in ('["modes", "board"]', '["modes"]')

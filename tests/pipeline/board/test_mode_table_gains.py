@@ -114,4 +114,4 @@ def test_export_computes_them_only_for_patches_that_drive_and_listen(file: Path,
     assert main(["export", "table", str(file), "-o", str(target), "--force", "--set", "patches.sensors=[]"]) == 0
     text = capsys.readouterr().err
     assert all(mode.gain is None for mode in from_bytes(target.read_bytes()).modes)
-    assert "unidentified" in text and "bond the patches" not in text
+    assert "no gains" in text and "bond the patches" not in text

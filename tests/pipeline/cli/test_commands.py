@@ -132,7 +132,7 @@ def test_json_on_standard_output_is_alone_and_holds_the_pillar(capsys: pytest.Ca
 def test_an_edge_that_is_gone_is_said_in_words_and_never_as_a_number() -> None:
     gone = Edge("gap lower edge", 163083.0, None, 0.005)
     assert gone.relative_change is None and not gone.holds
-    assert "is gone" in gone.words and "163.1 kHz" in gone.words and "nan" not in gone.words
+    assert "is missing" in gone.words and "163.1 kHz" in gone.words and "nan" not in gone.words
     assert "moved by +1.0 %" in Edge("bending at M", 100.0, 101.0, 0.005).words
 
 

@@ -226,7 +226,7 @@ def test_what_is_no_universal_file_and_nodes_without_a_place_are_refused(tmp_pat
     }
     data |= {"ordinate_spec_data_type": 8, "x": np.linspace(1e3, 2e3, 9), "data": np.ones(9, dtype=complex)}
     pyuff.UFF(str(tmp_path / "m.uff")).write_sets([data], "overwrite")
-    with pytest.raises(files.InputError, match="node 7 has a response and no place"):
+    with pytest.raises(files.InputError, match="node 7 has a response but no coordinates"):
         files.read_field(tmp_path / "m.uff", load_case(SMALL).design)
 
 

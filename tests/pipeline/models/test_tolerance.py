@@ -134,8 +134,8 @@ def test_with_patches_they_drive(case: Path, tmp_path: Path) -> None:
         (CASE, ["--set", "array.rows=0"], "array.rows above 0"),
         (CASE, ["--set", "pillar.fillet_mm=0.2"], "cross-shaped pillars without fillet"),
         (CASE, ["--set", "tolerance.samples=0"], "from 1 to 10000"),
-        (CASE, ["--set", 'solve.model="solid"'], "must be auto or superelement"),
-        (CASE, ["--set", 'solve.mesh="tet"'], "solve.mesh auto or hex"),
+        (CASE, ["--set", 'solve.model="solid"'], "set solve.model to auto or superelement"),
+        (CASE, ["--set", 'solve.mesh="tet"'], "solve.mesh to auto or hex"),
         (CASE, ["--band", "3"], "--band"),
     ],
 )

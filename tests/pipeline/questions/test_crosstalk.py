@@ -360,6 +360,6 @@ def test_commands_of_one_zone_say_so(tmp_path: Path, capsys: pytest.CaptureFixtu
     for command in ("modes", "response", "hybrid", "travel", "broadband"):
         assert main([command, str(file), "--quiet"]) == 2
         (line,) = capsys.readouterr().err.splitlines()
-        assert "zone.count = 2" in line and "one zone alone" in line
+        assert "zone.count = 2" in line and "supports a single zone" in line
     with pytest.raises(InputError, match="no patch drives zone 2"):
         crosstalk_of(case_of(patches={**PATCHES, "centres_mm": [[-5.0, -6.0]], "sensors": []}), QUIET)

@@ -166,7 +166,7 @@ def test_words_have_the_digits_of_their_bars() -> None:
     known = synthetic.target(12.24, 35.21e3, mac=0.98, frequency_error=0.12, confinement_error_db=4.0)
     case = synthetic.case("one", {}, modes=synthetic.modes(known))
     about = shapes._words(case, 35.21e3, target=True)["about"]
-    assert "at 35 kHz, 12 dB" in about and ": 12 dB (at" in level_text(case)
+    assert "at 35 kHz, 12 dB" in about and ": 12 dB (confined" in level_text(case)
     said = confinement_words(12.24, 9.31, 4.0)
     assert said == "confined (12 dB as a mode, 9.3 dB driven by its patches, which is not confined)"
     peak = SpreadRecord(mean=35.21e3, deviation=200.0, lowest=35e3, highest=36e3)
