@@ -246,9 +246,9 @@ def _expanded(entry: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _planners(planner: str, model: str, **more: Any) -> list[dict[str, Any]]:
-    """The meshes that an accuracy may choose of a part, or of reduced cells; of lone parts those of order 2 beside them.
+    """Meshes that an accuracy may select for a part or for reduced cells; for isolated parts also those of order 2.
 
-    A whole plate's finest is left out: it is expensive.
+    The finest mesh of a whole plate is omitted because it is expensive.
     """
     if planner == "reduced":
         rows = tuple(mesh_rules.CELL_LEVELS.values())

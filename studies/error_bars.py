@@ -48,7 +48,9 @@ from solvers.waves.bloch import BlochCell
 from studies.independent import UNSURE, BondedPlate, free_block_hz, solid_modes
 
 CASE = Path(__file__).with_name("three-rows.toml")
-TUNGSTEN = Material.isotropic("tungsten", 400e9, 19300.0, 0.28)  # the hardest contrast, beside the library's materials
+TUNGSTEN = Material.isotropic(
+    "tungsten", 400e9, 19300.0, 0.28
+)  # the strongest contrast, in addition to the library's materials
 KNOWN = [*MATERIALS.values(), TUNGSTEN]
 CARRIERS = ("pmma", "glass", "aluminium", "steel")
 NONE = float("nan")
@@ -93,9 +95,9 @@ An error bar that is too wide is a fault as well: the last column is its ratio t
 
 @dataclass(frozen=True)
 class Compared:
-    """Relative differences of a scene's frequencies from the finer computation, beside the stated bars, (k,) each.
+    """Relative differences of a scene's frequencies from the finer computation, and the reported error bars, (k,) each.
 
-    Where the other computation is no finer, its own bar is added.
+    If the other computation is not finer, its error bar is added.
     """
 
     part: str
@@ -203,7 +205,7 @@ def of_cells(design: Design, shape: str = "square", first: int = 0) -> Compared:
 def of_whole_cell(design: Design) -> Compared:
     """Ten bands at G, X and M at accuracy 0.003 against the whole cell as meshed, without symmetry or reduction.
 
-    What the whole cell's own mesh is off by is told by the reduced cell of the same mesh: what nested meshes take from it.
+    The discretisation error of the whole cell is that of the reduced cell on the same mesh, as nested meshes estimate it.
     """
     assert design.pillar
     fine = list(mesh_rules.CELL_LEVELS.values())[1]
@@ -245,7 +247,7 @@ def of_cell_command(name: str, design: Design) -> Compared:
 
 
 def of_block(name: str, model: str, design: Design) -> Compared:
-    """The lowest modes of a free block by `antinode modes` beside the Legendre-Ritz solution, class by class."""
+    """Compare the lowest modes of a free block from `antinode modes` with the Legendre-Ritz solution, class by class."""
     size_m = (design.length_m, 2.0 * design.half_span_m, design.thickness_m)
     exact = free_block_hz(design.material, size_m, inf, DEGREES)
     tones = np.sort(np.concatenate(list(exact.values())))
@@ -276,7 +278,7 @@ def paired(ours: list[tuple[float, float]], theirs: FloatArray) -> tuple[FloatAr
 
 
 def of_patch(scene: BondedPlate) -> Compared:
-    """The lowest modes that a patch drives, as `antinode response` solves them, beside a solid with the whole potential."""
+    """Compare the lowest modes that a patch drives in `antinode response` with a solid that has the full potential."""
     material, length = scene.design.material, scene.design.length_m
     first_hz = scene.design.thickness_m / length**2 * np.sqrt(material.rod(0).young_pa / material.density_kg_m3)
     solid = solid_modes(scene, 2.5 * first_hz)
@@ -320,7 +322,7 @@ def _with_height(design: Design, slenderness: float) -> Design:
 
 
 def _bands(design: Design, lattice: ReducedLattice) -> tuple[FloatArray, FloatArray]:
-    """Frequencies above those of rigid-body waves, and the half-widths of their bars by the mesh."""
+    """Frequencies above those of rigid-body waves, and their discretisation error bars."""
     edge, tones, bars = np.pi / design.pitch_x_m, [], []
     for k in ((0.0, 0.0), (edge, 0.0), (edge, edge), (0.37 * edge, 0.61 * edge)):
         waves = lattice.waves(np.array(k), BANDS)
@@ -347,7 +349,7 @@ def _corners(design: Design) -> FloatArray:
 
 
 def _at_corners(design: Design, accuracy: float) -> tuple[FloatArray, FloatArray]:
-    """Frequencies (3, bands) at G, X and M as `antinode bands` gives them, and their bars by mesh and truncation."""
+    """Frequencies (3, bands) at G, X and M from `antinode bands`, and their discretisation and truncation error bars."""
     settings = [f"solve.accuracy={accuracy}", "bands.points=1", f"bands.count={BANDS}"]
     case = load_case(CASE, settings)
     result = ask(replace(case, design=design), Bands(), Run(QUIET, detailed=False))
@@ -386,7 +388,7 @@ def _bare_case(*settings: str) -> Case:
 
 
 def _plate_modes(design: Design, level: mesh_rules.MeshLevel, shrunk: float) -> tuple[FloatArray, FloatArray]:
-    """Frequencies of every symmetry class's lowest modes, and the half-widths of their bars by the mesh."""
+    """Frequencies of the lowest modes of every symmetry class, and their discretisation error bars."""
     mesh = mesh_rules.cell_mesh(design, level)
     bare_m = mesh_rules.bare_size_m(design, mesh.order)
     assert bare_m
@@ -450,7 +452,7 @@ def listed(results: list[Compared]) -> list[str]:
 
 
 def drawn(results: list[Compared]) -> Figure:
-    """Stated bar over true error, part by part; what lies below the line is outside its bar."""
+    """Plot reported error bars over true errors for each part; points below the line are outside their error bars."""
     figure, axes = plt.subplots(figsize=(6.0, 5.4), layout="constrained")
     for part, mark in zip(dict.fromkeys(result.part for result in results), cycle(style.MARKERS), strict=False):
         own = [result for result in results if result.part == part]
@@ -458,7 +460,7 @@ def drawn(results: list[Compared]) -> Figure:
         axes.loglog(100.0 * np.maximum(error, 1e-7), 100.0 * bar, mark, markersize=3, alpha=0.5, label=part)
     ends = np.array([1e-5, 3.0])
     axes.loglog(ends, ends, "k-", linewidth=0.8, label="bar = error")
-    axes.set(xlabel="true error (%)", ylabel="stated half-width of the bar (%)")
+    axes.set(xlabel="true error (%)", ylabel="reported error bar (%)")
     figure.legend(loc="outside lower center", ncols=3, fontsize=8)
     return figure
 

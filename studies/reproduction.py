@@ -137,7 +137,7 @@ def heights_mm(record: Record) -> tuple[float, ...]:
 
 
 def _of_graded(record: Record, others: list[Record]) -> tuple[str, ...] | None:
-    """A design's line; `others` holds it with every height off by as much."""
+    """A design's line; `others` holds it with the same deviation of every height."""
     broad, target, own = record.of(BroadbandResult), record.target, heights_mm(record)
     if broad is None:
         return None
@@ -256,7 +256,7 @@ class Wish:
     other: str = ""
 
     def text(self, folder: Path) -> str:
-        """The section, its picture drawn beside the page; nothing while the study is not stored."""
+        """The section, with its picture stored next to the page; empty if the study is not stored."""
         others = [stored(folder, self.other)] if self.other else []
         rows = {row: record for record in stored(folder, self.study) if (row := self.row(record, *others))}
         if not rows:

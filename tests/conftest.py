@@ -15,7 +15,7 @@ from pipeline.workers import limit_threads
 
 LONGEST = """
     test_offline_model test_six test_report test_touch test_active test_docstrings test_one_table test_forced test_explore
-    test_runner test_lattice test_plan test_search test_tutorials test_hybrid test_bands test_extremes test_foresight
+    test_runner test_lattice test_plan test_search test_tutorials test_hybrid test_bands test_extremes test_resource_estimate
     test_new_and_compare test_line test_travel test_free_blocks test_target_mode test_emulated_board test_column
 """.split()  # noqa: SIM905 five seconds and more, not a line each
 

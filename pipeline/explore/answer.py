@@ -1,7 +1,7 @@
-"""What the explorer answers of a design, and how far it moves when all pillars are off alike.
+"""Answer the explorer's questions about a design, and compute its scatter when all pillars share one deviation.
 
-Every sample is a design answered from the parametric cell (`pipeline.explore.answer`). Pillars that differ within one plate are
-no cells of it: they have families of reductions of their own (`pipeline.models.tolerance`).
+Every sample is a design computed from the parametric cell (`pipeline.explore.answer`). That cell does not cover pillars that
+differ within one plate: they have their own families of reductions (`pipeline.models.tolerance`).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ POINTS = 25  # frequencies of the decay per row
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
 WIDE_M = 0.06  # of plate beyond the zone: from there on many modes lie near the target mode
-NEAR = 3.0  # times the error of a frequency: both may be off, and the coupling reaches as far
+NEAR = 3.0  # times the error of a frequency: both frequencies have one, and the coupling has the same range
 
 # every sentence of an answer, with names for its numbers: an exported page fills in the same ones
 WORDS = {
@@ -50,7 +50,7 @@ WORDS = {
     "limit": "{key} = {value:g}: the model answers from {low:g} to {high:g} {unit}",
     "whole": "{key} = {value:g}: must be a whole number",
     "beyond": "the target wavenumber {kx} rad/m lies beyond the zone's edge {edge} rad/m",
-    "short_wave": "half a wave of the target mode is shorter than two thicknesses: its window is a guess",
+    "short_wave": "the half-wavelength of the target mode is less than two thicknesses: its frequency window is a guess",
     "wide": "a wide passive part carries many modes near the target mode: the column may pick another than the plate",
     "no_mode": "no mode of the target shape in the window",
     "near": "a mode of the passive plate at {hz} lies near the target mode, whose frequency is known to {error}: "
@@ -119,7 +119,7 @@ class Scene:
 
     @property
     def following(self) -> dict[str, tuple[str, float]]:
-        """Further keys, each so many times a slider's number: the pillar's further widths, and a pitch unlike the first."""
+        """Keys that follow a slider, with their ratio to it: the pillar's other widths, and an unequal pitch along y."""
         design = self.case.design
         pillar = design.pillar
         assert pillar is not None
@@ -259,9 +259,9 @@ class Explorer:
         }
 
     def _mesh_at(self, sizes: Sizes, reaching: NDArray[np.bool_]) -> float:
-        """The largest error by the mesh of the bands that reach down to a frequency; 0 where it is not known.
+        """The largest discretisation error of the bands that reach down to a frequency; 0 if unknown.
 
-        Nothing of it is corrected: the plate is made of cells as they are meshed.
+        It includes the part that is otherwise corrected, because the plate is assembled from the cells as meshed.
         """
         by_mesh = self.model.as_meshed(sizes)
         return 0.0 if by_mesh is None else float(np.max(by_mesh[reaching], initial=0.0))
@@ -458,7 +458,7 @@ def apart(hz: FloatArray, error: float) -> list[IntArray]:
 
 
 def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
-    """The target mode of the assembled plate, as `antinode modes` finds it, its progress told to a log."""
+    """Find the target mode of the assembled plate as `antinode modes` does, and report progress to a log."""
     from pipeline.planning.model_choice import of_case
 
     case = scene.at(given)
@@ -488,9 +488,9 @@ def check(case: Case) -> None:
 
 
 def solve(case: Case, log: Log) -> tuple[SampleRecord, list[SampleRecord], float]:
-    """The nominal plate, the samples with all pillars off by the same each, and the error of a frequency, relative.
+    """Solve the nominal plate and the samples, each with one deviation shared by all pillars.
 
-    InputError outside the bases.
+    Also returns the relative error of a frequency. InputError for designs outside the bases.
     """
     given, deviations = case.tolerance, _deviations(case)
     assert given is not None
@@ -511,7 +511,7 @@ def solve(case: Case, log: Log) -> tuple[SampleRecord, list[SampleRecord], float
 
 
 def printed(case: Case, change_m: FloatArray) -> Case:
-    """The case with every pillar's height and width off by (2,) m."""
+    """The case with the height and width of every pillar changed by (2,) m."""
     thickness, height, width, pitch = sizes_of(case.design)
     sizes = thickness, height + float(change_m[0]), width + float(change_m[1]), pitch
     return replace(case, design=resized(case.design, sizes))

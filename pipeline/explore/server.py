@@ -154,7 +154,7 @@ class Beside:
         return designs
 
     def close(self) -> None:
-        """End the process and take its file away."""
+        """End the process and delete its file."""
         if self._workers and self._folder:
             self._workers.kill()
             self._folder.cleanup()
@@ -176,7 +176,7 @@ class Server:
         self.port = 0
         self._live = ThreadPoolExecutor(1, "live")
         self.full = FullPlate(explorer.scene)
-        self._beside, self._asks_beside = Beside(explorer), ThreadPoolExecutor(1, "beside")
+        self._beside, self._asks_beside = Beside(explorer), ThreadPoolExecutor(1, "cloud")
 
     def application(self) -> web.Application:
         """The routes, all under the token."""
@@ -284,7 +284,7 @@ def listening(port: int = 0) -> socket.socket:
 
 
 def serve(server: Server, port: int, ready: Callable[[str], None]) -> None:
-    """Serve until interrupted; `ready` is told the address once the page can be opened."""
+    """Serve until interrupted; call `ready` with the address once the page can be opened."""
     sock = listening(port)
     server.port = sock.getsockname()[1]
 
@@ -311,7 +311,7 @@ def _result(solved: Future[Document]) -> Document:
         return solved.result()
     except (WorkerLost, CancelledError) as fault:
         return {"why_not": str(fault) or "stopped"}
-    except Exception as fault:  # a worker's traceback is read by nobody
+    except Exception as fault:  # no one reads a worker's traceback
         return {"why_not": f"{type(fault).__name__}: {' '.join(str(fault).split())}"}
 
 

@@ -44,7 +44,7 @@ SHARING = 0.1  # of the target mode's strength: another mode that carries as muc
 # of a frequency, by the polynomials of sides and, over (k h)^2, through them: each twice the most that degree 5 and three
 # layers took off in columns of plates of 1.2 to 3 mm
 SIDES, LAYERS = 0.003, 0.008
-WAVES = 0.01  # of a frequency, over the half waves between the ends: what twice as many waves took off
+WAVES = 0.01  # of a frequency, over the half-wavelengths between the ends: the change from twice as many waves
 # of a frequency, by condensed rows: more than a reach of 24 took off of any mode of 600 drawn columns
 CONDENSED = 0.002
 
@@ -83,7 +83,7 @@ class LiveReductions(Reductions):
         self.live = live
 
     def coarser(self, panel: Panel) -> None:
-        """Nobody asks a live answer for the error of its mesh."""
+        """Live answers need no coarser mesh: they report no discretisation error."""
 
     def cell(self, panel: Panel) -> Cell:
         """The cell of a panel; one whose pillar does not stand in the middle, or of another shape, is meshed."""
@@ -149,22 +149,22 @@ def with_room(design: Design) -> tuple[Design, float]:
 
 
 def half_waves(nodal_lines: int) -> float:
-    """Half waves along the zone; rigid shapes count as the shortest one that bends."""
+    """Number of half-wavelengths along the zone; rigid shapes count as the lowest bending shape."""
     return max(nodal_lines, 2) - 0.5
 
 
 def boundary_error(design: Design) -> float:
-    """How far few waves, the column's polynomials and its condensed rows may put the target frequency too high, relative.
+    """Bound the relative overestimate of the target frequency due to few waves, polynomials and condensed rows.
 
-    The polynomials have degree 3 along a panel's sides and degree 1 through the thickness: what these leave out of a bending
-    wave's strain grows as (k h)^2. What few waves leave out near two ends counts over the half waves between them.
+    The polynomials have degree 3 along a panel's sides and degree 1 through the thickness: the strain of a bending wave that
+    they miss grows as (k h)^2. The error of few waves at the two ends is divided by the number of half-wavelengths between.
     """
     k2 = free_kx_per_m(design) ** 2 + (pi / design.width_m) ** 2
     return thin_error(design.nodal_lines) + LAYERS * k2 * design.thickness_m**2
 
 
 def thin_error(nodal_lines: int) -> float:
-    """The same of a plate however thin."""
+    """Bound that overestimate in the limit of a thin plate."""
     return SIDES + CONDENSED + WAVES / half_waves(nodal_lines)
 
 

@@ -1,8 +1,8 @@
-"""The parametric cell of a case's materials, made once, kept in the results, and the error of its one mesh.
+"""The parametric cell of a case's materials, computed once and kept in the results, and the error of its single mesh.
 
-How far that mesh puts bands too high is measured in the corners of the cell's box: it goes as a product of powers of the sizes,
-nearly, so its logarithm is taken as multilinear in theirs, and so much is taken away. What is left of it, and what the plain
-reductions may be off by themselves, is the bar. Designs that lie between the corners tell by how much more that must be.
+The overestimate of the bands on that mesh is measured in the corners of the cell's box. It is nearly a product of powers of the
+sizes, so its logarithm is interpolated multilinearly in their logarithms, and the result is subtracted. The error bar covers
+the rest and the error of the plain reductions themselves; designs between the corners give the factor by which it is widened.
 """
 
 from __future__ import annotations
@@ -41,15 +41,16 @@ from solvers.parametric.bands import FLAT, BandBases, Bands, band_bases, bands, 
 from solvers.parametric.cell import ParametricCell, parametric_cell
 from solvers.superelement.interface import Interface
 
-ACCURACY = 0.002  # of the plain reductions; what they may be off by is added
+ACCURACY = 0.002  # of the plain reductions; their own error is added
 MIN_ERROR = 1e-5
 Map = Callable[[Callable[[Any], FloatArray], Iterable[Any]], Iterable[FloatArray]]
 
 
 @dataclass(frozen=True)
 class MeshTable:
-    """Half-widths of the bands' bars by the mesh in the box's corners, (16, bands), and what they are taken times between;
-    `high` (16, bands): how far the bands lie too high there, relative.
+    """Discretisation error bars of the bands in the box's corners, (16, bands), and `margin`, their factor in between.
+
+    `high` (16, bands) is the relative overestimate of the bands in the corners.
     """
 
     box: DesignBox
@@ -102,7 +103,7 @@ def mesh_table(
 ) -> MeshTable | None:
     """Compare the bands of corner designs, and of some between them, with plain reductions on meshes of their own.
 
-    None where one of those cannot be had, or nothing tells what it is off by.
+    None if one of those cannot be computed or has no error estimate.
     """
     at = [number for number, label in enumerate(bases.labels) if label][:3]
     tasks = [
@@ -143,7 +144,7 @@ def off_by(task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
 
 
 def _in_line(case: Case, wavevectors: FloatArray, count: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Frequencies of a plain reduction and the half-widths of their bars at each wavevector."""
+    """Frequencies of a plain reduction and their error bars at each wavevector."""
     model = lattice_model(case, cell_model_choice(case), wavevectors, WarningLog(), [], finer=False)
     solved = [model.lattice.waves(k, count) for k in wavevectors]
     bars = [mesh_error(model.lattice.cell, waves).half_width for waves in solved]
@@ -172,8 +173,8 @@ def sizes_of(design: Design) -> Sizes:
 INTERVALS, BANDS = 25, 10
 ASPECTS = 0.5, 2.0  # of the pitch along y to that along x
 MAX_BYTES = 400_000_000  # of all models: some pairs of materials
-UNSEEN = 4  # designs that tell what the bases miss
-# of a frequency by the mesh: what a search's columns may carry beside what they are off by themselves
+UNSEEN = 4  # designs for estimating the error of the bases
+# discretisation error of a frequency that a search's columns may have in addition to their own error
 FINE_ENOUGH = 0.015
 
 
@@ -214,11 +215,11 @@ class CellModel:
         )
 
     def as_meshed(self, sizes: Sizes) -> FloatArray | None:
-        """What the mesh may put frequencies off by of which nothing is taken away, relative, (bands,); None as `by_mesh`."""
+        """Relative error bars of the bands without correction for the mesh, (bands,); None as in `by_mesh`."""
         return self.mesh.at(sizes) + self.mesh.overestimate(sizes) if self.mesh else None
 
     def by_mesh(self, sizes: Sizes) -> FloatArray | None:
-        """Half-widths of the bands' bars by the mesh, relative, (bands,); None where nothing tells them."""
+        """Relative discretisation error bars of the bands, (bands,); None without an estimate."""
         return self.mesh.at(sizes) if self.mesh else None
 
 
@@ -330,7 +331,7 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
         high = mesh.high.max(), mesh.overestimate(box.middle).max()
         log.info(
             f"the mesh overestimates a band by {percent(high[0])} in the worst corner and {percent(high[1])} in the "
-            f"middle, at most; that is taken away, and {percent(worst)} and {percent(middle)} may be left"
+            f"middle, at most; this is corrected, leaving error bars of {percent(worst)} and {percent(middle)}"
         )
     return CellModel(cell, bases, mesh)
 

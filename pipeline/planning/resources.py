@@ -1,7 +1,7 @@
 """Resources that a computation will need, estimated from its plan: memory, degrees of freedom, modes and order of time.
 
-Estimates are good to the factors MEMORY_RANGE and SECONDS_RANGE. `studies/benchmarks/foresight.py` measured them on scenes
-whose materials, sizes, models and accuracies differ from those of the calibrated design.
+Estimates are good to the factors MEMORY_RANGE and SECONDS_RANGE. `studies/benchmarks/resource_estimate.py` measured them on
+scenes whose materials, sizes, models and accuracies differ from those of the calibrated design.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ def _put(values: tuple[T, ...], axis: int, value: T) -> tuple[T, ...]:
 # -- solves ------------------------------------------------------------------------------------------------------------
 # Cost of a modal solve, estimated before anything is assembled: bytes of its stages, and operations.
 # Bytes follow from the arrays that `assembly`, `solid` and `eigen` hold at once, counted in entries; those of a
-# factorisation from the fill above with measured factors (`studies/benchmarks/foresight.py`).
+# factorisation from the fill above with measured factors (`studies/benchmarks/resource_estimate.py`).
 
 LARGE = 200_000  # degrees of freedom beyond which whole solids hold no second copy of their matrices
 ENTRY = 12  # bytes of a sparse matrix's entry: a number and a column

@@ -3,7 +3,7 @@
 A round or hexagonal section stands in a square block of the plate that grows with it, so that beyond the block every stretch
 is along the axes, as it is for a section made of boxes (rozza2008).
 
-The mesh keeps its topology; the plate's block under the pillar, the plate beside it and the pillar are stretched each as a
+The mesh keeps its topology; the plate's block under the pillar, the plate around it and the pillar are each stretched as a
 whole. The lattice keeps its shape: its vectors and the panel go with the pitch. A stretch (s_x, s_y, s_z) turns
 int C_ikjl u_i,k v_j,l into s_x s_y s_z / (s_k s_l) times what it was, so that K(mu) = sum_q theta_q(mu) K_q and M(mu)
 likewise, theta_q products of powers of side, clearances, thickness, height and pitch (rozza2008). Nothing is interpolated.
@@ -49,8 +49,8 @@ SAME = 1e-9
 CLEARANCE_M = 0.5e-3  # between neighbouring pillars: a narrower slit is not printed, and its elements degenerate
 OUTSIDE = "{name} = {value:g} mm: must lie between {low:g} and {high:g} mm"
 TIGHT = "side = {side:g} mm does not fit pitch = {pitch:g} mm: at least {gap:g} mm must stay between two pillars"
-TIGHT_PANEL = TIGHT.replace("between two pillars", "beside it in a panel {narrow:g} of that wide")
-ACROSS, WHOLE = 4, 5  # numbers of the stretches of the clearance along y where panels are no squares, and of the pitch
+TIGHT_PANEL = TIGHT.replace("between two pillars", "next to it in a panel {narrow:g} pitches wide")
+ACROSS, WHOLE = 4, 5  # numbers of the stretches of the clearance along y if panels are not square, and of the pitch
 IN_LINE = Lattice.of_rows(1.0, 1.0)
 Sizes = tuple[float, float, float, float]
 Exponents = tuple[int, ...]  # of thickness, height, side, clearances along x and y, pitch

@@ -6,8 +6,8 @@ function, zero at every inner node, or zero on the boundary.
 
 The half turn about the middle followed by conjugation leaves the waves at k among themselves, so that classes even under
 that turn have real coordinates and the others imaginary ones (wigner1932); a mirror that leaves k alone parts the waves
-into even and odd. A bare panel beside the pillar's has its coordinates about its own middle, times the phase there. Neither
-the phases nor the bases know the design.
+into even and odd. A bare panel next to the pillar's has its coordinates about its own middle, times the phase there. Neither
+the phases nor the bases depend on the design.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ ROUGH = 1e-3  # residual of a clamped mode: a basis does not ask for more
 FUNCTION = 1e-11  # of the largest singular value: smaller ones are rounding
 
 MODES = 12  # clamped modes of every sampled design
-NOVEL = 10.0  # times KEPT, beside a snapshot's unit energy: less than that a design does not add
+NOVEL = 10.0  # times KEPT, relative to a snapshot's unit energy: a design that adds less is not used
 RIGID = 1e-12  # of the largest energy of a rigid motion's inside: less is rounding
 ALL = 1e-12  # of the energy: every function of a single design
 KEPT = 1e-5  # of the largest: share of the snapshots' energy that a function must bring
@@ -50,11 +50,11 @@ ONCE = np.zeros((1, 6), dtype=np.int64)  # exponents of one design's own matrix
 BARE_STIFFNESS = np.array([[1, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 1], [-1, 0, 0, 0, 0, 2]])
 
 BARE_MASS = np.array([[1, 0, 0, 0, 0, 2]])
-ASKED = 6  # clamped modes of a design that may be chosen, beside its answers to the boundary
+ASKED = 6  # clamped modes of a candidate design, in addition to its responses to the boundary
 
 ROOT = float(np.sqrt(0.5))
 RANK = 1e-9  # of the largest singular value
-Signs = tuple[int, int, int]  # under x -> -x, y -> -y, x <-> y; 0 where the last is no mirror of the class
+Signs = tuple[int, int, int]  # under x -> -x, y -> -y, x <-> y; 0 if the class lacks the last mirror
 Member = tuple[int, float]  # a class among a symmetry's members and its factor in a sector
 QUARTERS: tuple[Signs, ...] = ((1, 1, 0), (1, -1, 0), (-1, 1, 0), (-1, -1, 0))
 EVEN_X, EVEN_Y = ((((0, 1.0), (1, 1.0)), ((2, 1.0), (3, 1.0))), (((0, 1.0), (2, 1.0)), ((1, 1.0), (3, 1.0))))
@@ -152,7 +152,7 @@ class Block:
 
     @cached_property
     def _places(self) -> dict[str, tuple[sp.csc_array, sp.csc_array]]:
-        """Where among the values of K and M the inside's rows stand: those among themselves, those beside the boundary."""
+        """Positions of the inside's rows among the values of K and M: inside with inside, and inside with boundary."""
         return {kind: self._place(kind) for kind in ("stiffness", "mass")}
 
     def _place(self, kind: str) -> tuple[sp.csc_array, sp.csc_array]:
@@ -281,7 +281,7 @@ def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:
 
 
 def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedBlock:
-    """A class of the bare panel beside the pillar's: its polynomials, whose stretches are those of thickness and pitch."""
+    """A class of the bare panel next to the pillar's: its polynomials, whose stretches are those of thickness and pitch."""
     forms, mass = bare_forms(cell.box.panel_m(cell.reference), cell.plate, interface)
     own = bare_parity(interface, signs)
     b, parity = interface.count, interface.parity_basis({0: signs[0], 1: signs[1]})
@@ -421,7 +421,7 @@ def _at(places: sp.csc_array, values: FloatArray) -> sp.csc_array:
 
 
 def _clamped_modes(mass: sp.csc_array, factor: Factor, count: int) -> FloatArray:
-    """The lowest modes, unit strain energy: functions for a basis, whose number nobody counts."""
+    """The lowest modes, with unit strain energy: functions for a basis, so they need not be complete."""
     pairs = block_lanczos(factor.solve, lambda block: np.asarray(mass @ block), mass.shape[0], count, ROUGH)
     if pairs is None:
         raise SolverError("the clamped modes of a cell's inside did not converge")

@@ -1,6 +1,6 @@
 """The reduced cell at any design of the box, from the reduced bases alone: a Craig-Bampton cell in milliseconds.
 
-Of staggered rows that is the pillar's panel; a bare one beside it is reduced like it.
+For staggered rows the cell is the pillar's panel; the bare panel next to it is reduced in the same way.
 """
 
 from __future__ import annotations
@@ -224,7 +224,7 @@ def parametric_cell(
 ) -> tuple[ParametricCell, ...]:
     """The cell reduced over the box from the given designs, then for each unseen design one made for it alone.
 
-    With a coarser mesh of the same topology a class takes of the designs only those that tell it something new there. `apply`
+    With a coarser mesh of the same topology, a class uses only the designs that add something new on that mesh. `apply`
     maps over the classes, several at once if it can; the largest comes first.
     """
     work = partial(_reduce, cell, coarse, interface, tuple(designs), tuple(unseen))
@@ -265,7 +265,7 @@ def fitted_touch(mesh: Mesh, lines: Sequence[Sequence[float]]) -> tuple[FloatArr
     """Gauss points (p, 2) in m and weights (p,) of the four rectangles between lines along x and y, block or clearance, and
     u_z there from that at the points of `face_quadrature`, (p, q).
 
-    The foot lies a plate's thickness away: degree COUNT - 1 each way follows the field, or as much as the points tell.
+    The foot lies a plate's thickness away: degree COUNT - 1 each way follows the field, or as far as the points determine.
     """
     rule, (gauss, area) = face_quadrature(mesh, "touch"), gauss_points()
     at = rule.points[:, :2]

@@ -5,7 +5,7 @@ a row are real. Of two panels in a pitch it exchanges the lines between them. Ev
 and the modes of what lies behind it, that edge fixed, up to REACH times the window's top, so that no eigenvalue problem is
 larger than some hundred degrees of freedom.
 
-Modes beyond that answer as at one eigenvalue s. One of eigenvalue l_i and modal participation p_i is then off by
+Modes beyond that respond as at one eigenvalue s. A mode of eigenvalue l_i and modal participation p_i then has the error
 p_i (l - s) / l_i at an eigenvalue l, which raises l by sum_i p_i^2 (l - s)^2 / (l_i l) of itself at most, the p_i^2 together
 by less than 1. At both ends of a window that is the same, and no more than 1 / REACH^2, where s is the geometric mean of the
 ends; with the arithmetic mean it has no bound as the lower end falls.
@@ -49,7 +49,7 @@ REACH = 9.0  # of the top of the window
 Pair = tuple[FloatArray, FloatArray]
 
 BEYOND = 1.2  # half the longest period over the plate's length
-MORE = 3.0  # half waves along the zone beyond the target mode's
+MORE = 3.0  # half-wavelengths along the zone in addition to the target mode's
 INDEPENDENT = 1e-8  # of the largest: waves that add less to the scaled mass are told apart by rounding
 STILL = 1e-9  # of the largest diagonal of the mass: at k = 0 half of the waves have no even part
 
@@ -295,7 +295,7 @@ class FinitePlate:
         return beyond + zone + rows, zone, rows
 
     def _forms_of(self, parts: int) -> FloatArray:
-        """Nothing yet of so many parts' panels, (parts, count, 2, n, n)."""
+        """Zero forms for the panels of each part, (parts, count, 2, n, n)."""
         return np.zeros((parts, self.count, 2, len(self.kx), len(self.kx)))
 
     def modes(self, low_hz: float, high_hz: float) -> FiniteModes:

@@ -46,7 +46,7 @@ from solvers.waves.complex_bands import Row
 # e) to f (1 + e): the bar is the largest change over that interval, which near an edge or a resonance is not the
 # slope times its width.
 
-BENT = 0.5  # of the larger of two neighbouring steps: where they differ by more, samples do not tell the curve between them
+BENT = 0.5  # of the larger of two neighbouring steps: where they differ by more, the samples do not resolve the curve
 FLAT_DB = 1e-3
 ENDS = (-1.0, 1.0)  # of the interval, where the level is looked up: computed for a curve that bends
 Level = Callable[[float], float | None]
@@ -60,7 +60,7 @@ def level_bars(frequency_hz: FloatArray, level_db: FloatArray, error: float | No
     frequency_hz, level_db : ndarray, shape (n,)
         The samples, ascending; NaN for no level.
     error : float or None
-        Relative half-width of the bars of frequencies; None without an estimate.
+        Relative error bar of the frequencies; None without an estimate.
     level : callable
         The level in dB at a frequency in Hz; called where the samples do not resolve the curve.
 
@@ -79,7 +79,7 @@ def level_bars(frequency_hz: FloatArray, level_db: FloatArray, error: float | No
 
 
 def _bent(level_db: FloatArray) -> BoolArray:
-    """Samples next to which the curve bends, (n,): its steps differ there, or it has no neighbour to tell."""
+    """Samples next to which the curve bends, (n,): its steps differ there, or a neighbour is missing."""
     if len(level_db) < 3:
         return np.ones(len(level_db), dtype=bool)
     step = np.diff(level_db)
@@ -168,7 +168,7 @@ def forced_bars(
     parts : two of (weights (q,), values (q, k))
         The faces whose rms are compared: areas of their points, and the modes there.
     force, value, error : ndarray, shape (k,)
-        Modal forces, scaled eigenvalues, and relative half-widths of the bars of the frequencies.
+        Modal forces, scaled eigenvalues, and relative error bars of the frequencies.
     moved : ndarray, shape (t,)
         Scaled eigenvalues of the driving frequencies.
     quality_factor : float
@@ -377,9 +377,9 @@ def _numbered(live: BoolArray, start: int) -> tuple[IntArray, int]:
 
 
 def column_strips(design: Design, max_edge_m: float, panels: int | None = None) -> list[tuple[Panel, ...]]:
-    """The panels of one column along y, of one zone from its middle outwards, side by side those of one pitch along x.
+    """The panels of one column along y, grouped by strip; with one zone, from its middle outwards.
 
-    Of staggered rows a pitch holds two, a pillar in the first or in the second. SolverError unless they part at y = 0.
+    With staggered rows, each pitch has two panels, with the pillar in one or the other. SolverError unless they part at y = 0.
     """
     width = max_edge_m if isnan(design.pitch_x_m) or not design.rows else design.pitch_x_m
     count = (panels or 1 + design.is_staggered) if design.rows else 1

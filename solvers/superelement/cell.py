@@ -20,8 +20,8 @@ from solvers.fem.surface import facet_quadrature
 from solvers.superelement.interface import VERTICES, Interface
 
 # -- modes left out ----------------------------------------------------------------------------------------------------
-# What the fixed-interface modes left out of a cell do to it, told by their residual flexibility D (macneal1971).
-# They take h D from the boundary's dynamic stiffness at an eigenvalue l, and l^2 <= h <= l^2 L / (L - l), L the
+# Effect of the discarded fixed-interface modes on a cell, from their residual flexibility D (macneal1971).
+# They subtract h D from the boundary's dynamic stiffness at an eigenvalue l, and l^2 <= h <= l^2 L / (L - l), L the
 # lowest eigenvalue left out. A wave of the eigenvalue l and the flexibility d = u^H D u without them has m = l - h(m)
 # d with them.
 
@@ -95,9 +95,10 @@ class ResidualModes:
         return np.asarray(lower), np.asarray(2.0 * eigenvalue / (1.0 + np.sqrt(1.0 + 4.0 * lost * eigenvalue)))
 
     def bar(self, softened: FloatArray, eigenvalue: FloatArray, own: FloatArray) -> FloatArray:
-        """Half-widths of frequencies' bars, relative, (k,): what the bounds leave open and the second order of what was taken.
+        """Relative error bars of frequencies, (k,): the distance to the bounds and the second order of the correction.
 
-        Waves told at m (k,) whose bounds overlap may change places: the n-th lies between the n-th lower and n-th upper bound.
+        Waves computed at m (k,) whose bounds overlap may change places: the n-th lies between the n-th lower
+        and the n-th upper bound.
         """
         lower, upper = (np.sort(bound) for bound in self.bounds(eigenvalue, own))
         size = np.where(softened > 0.0, 2.0 * softened, 1.0)
@@ -130,7 +131,7 @@ class Expansion:
 
     @classmethod
     def nothing(cls, count: int) -> Expansion:
-        """A skin without facets, of so many degrees of freedom."""
+        """A skin without facets, for the given number of degrees of freedom."""
         return cls(np.empty((0, 3)), np.empty((0, 3, count)), facets=np.empty((0, 4), dtype=np.int64))
 
     def rule(self, lines_m: Sequence[float] = ()) -> SurfaceRule:
@@ -222,7 +223,7 @@ class Cell:
 
     size_m: edges along x, y and the plate's thickness; fixed_hz: fixed-interface frequencies kept, with their symmetry
     (modes, 2) under the cell's mirrors (0 without); touch: u_z on the touch face; skin: corners of the outer skin;
-    bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None where these are no tensor
+    bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None unless they form a tensor
     grid); pillar_mass: the share of M_r that moves in the pillar.
 
     No fixed-interface mode below dropped_hz was left out. `dropped` (boundary, boundary) is the residual flexibility of those

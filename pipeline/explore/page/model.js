@@ -506,7 +506,7 @@ function condense(k, m, kept, top, about) {
 function columnPanels(data, design) { // solvers/plates/column.py and geometry/tiling.py, in m
   const { thickness, rows, extension } = design, pitch = design.pitch * data.box.panel[1], side = data.foot.footprint * design.side, half = data.zone_width / 2, longest = data.panel * thickness, lines = [0], feet = [];
   const count = rows ? data.box.panels : 1, none = Array(count).fill(false);
-  const ofRow = (row) => none.map((_, i) => i === row % count); // of staggered rows a pillar stands in the first or in the second panel
+  const ofRow = (row) => none.map((_, i) => i === row % count); // in staggered rows, pillars alternate between the first and the second panel
   const bare = (to, even) => {
     const from = lines[lines.length - 1];
     let count = Math.max(1, Math.ceil((even ? 2 : 1) * (to - from) / longest - 1e-9));

@@ -62,7 +62,7 @@ def test_one_slider_carries_both_pitches(explorer: Explorer) -> None:
 
 def test_a_pillar_wider_than_half_a_pitch_holds_is_refused(explorer: Explorer) -> None:
     (text,) = explorer.model.cell.box.faults((2e-3, 6.5e-3, 2.4e-3, 5.6e-3))[1:]
-    assert "does not fit pitch = 5.6 mm" in text and "a panel 0.5 of that wide" in text
+    assert "does not fit pitch = 5.6 mm" in text and "a panel 0.5 pitches wide" in text
 
 
 def test_bands_and_decay_are_those_of_the_lattice(explorer: Explorer) -> None:

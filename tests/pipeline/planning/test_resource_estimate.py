@@ -30,7 +30,7 @@ from pipeline.questions.bands import Bands
 from solvers import machine
 from solvers.errors import OutOfMemory
 from solvers.machine import GROUP_FILES, available_bytes
-from studies.benchmarks.foresight import CELLS, DRIVEN, SCENES, taken
+from studies.benchmarks.resource_estimate import CELLS, DRIVEN, SCENES, taken
 
 SMALL, REFERENCE = str(ROOT / "examples" / "small.toml"), str(ROOT / "studies" / "three-rows.toml")
 SOFT = "pillar.material={young_GPa=0.07,density_kg_m3=1000.0,poisson=0.4}"
