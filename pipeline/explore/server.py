@@ -134,7 +134,7 @@ class FullPlate:
         return Path(self._folder.name) / "log"
 
 
-class Beside:
+class BackgroundExplorer:
     """The same explorer in a process of its own, started when it is first asked."""
 
     def __init__(self, explorer: Explorer) -> None:
@@ -176,7 +176,7 @@ class Server:
         self.port = 0
         self._live = ThreadPoolExecutor(1, "live")
         self.full = FullPlate(explorer.scene)
-        self._beside, self._asks_beside = Beside(explorer), ThreadPoolExecutor(1, "cloud")
+        self._beside, self._asks_beside = BackgroundExplorer(explorer), ThreadPoolExecutor(1, "cloud")
 
     def application(self) -> web.Application:
         """The routes, all under the token."""

@@ -1,8 +1,8 @@
 """Estimated against measured memory and processor time, each scene in a process of its own.
 
-`python -m studies.benchmarks.resource_estimate [NAME ...]`. Scenes off the calibrated design: other materials, thickness,
-sizes, accuracies, models and parts; driven plates; and cells of the kinds that are published: stubs stout, slender, soft, tipped, of
-every shape.
+`python -m studies.benchmarks.resource_estimate [NAME ...]`. Scenes off the calibrated design: other materials,
+thickness, sizes, accuracies, models and parts; driven plates; and cells of the kinds that are published: stubs stout,
+slender, soft, tipped, of every shape.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
 from pipeline.explore import server as served_module
 from pipeline.explore.answer import BATCH, PLATES, Bar, Candidate, Explorer, apart, compute, read_design
-from pipeline.explore.server import Beside, Server
+from pipeline.explore.server import BackgroundExplorer, Server
 from pipeline.logs import WarningLog
 from pipeline.models import parametric
 from pipeline.models.cell_cache import SUFFIX
@@ -598,7 +598,7 @@ def test_plates_of_the_cloud_that_share_a_cell_are_those_asked_alone(explorer: E
 
 @pytest.mark.slow
 def test_a_second_process_computes_parts_of_the_cloud_and_its_loss_is_made_up_for(explorer: Explorer) -> None:
-    beside = Beside(explorer)
+    beside = BackgroundExplorer(explorer)
     try:
         cloud = beside.cloud(BATCH, BATCH)
         assert cloud == explorer.cloud(BATCH, BATCH)

@@ -144,7 +144,7 @@ def test_every_document_says_what_it_answers(command: tuple[str, ...], capsys: p
 def test_the_interval_of_the_lowest_modes_holds_them(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Beside rigid-body modes the count begins above 0: it told an interval from 14 to -14 Hz."""
+    """Next to rigid-body modes the count begins above 0: it told an interval from 14 to -14 Hz."""
     monkeypatch.setattr(mesh_rules, "cell_mesh", lambda design, level: coarse_cells.COARSE)
     text = document("modes", str(SMALL), "--count", "4", "--symmetry", "SS", capsys=capsys)
     check, tones = text["count_check"], [mode["frequency_hz"] for mode in text["modes"]]
