@@ -115,9 +115,8 @@ def _check_frequency(wishes: dict[str, Any], frequency_hz: float, strip: Any, li
     if not low < frequency_hz / KHZ <= high:
         raise InputError(
             f"--frequency = {wishes['frequency']}: must be from {low:g}kHz to {high:g}kHz for a zone of "
-            f"{wishes['length']:g} mm with {lines} nodal lines, at least {narrowest:g} mm wide (two pillar sides, and "
-            "the "
-            "plate's thickness)"
+            f"{wishes['length']:g} mm with {lines} nodal lines, at least {narrowest:g} mm wide (two pillar sides, "
+            "and the plate's thickness)"
         )
 
 

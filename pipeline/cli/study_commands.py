@@ -73,10 +73,8 @@ def _lost(address: str, outcome: StudyOutcome) -> str:
     total, lost = len(outcome.plan), len(outcome.given_up)
     return (
         f"--scheduler = {address}: the Dask scheduler was lost or cancelled cases: {lost} of {total} were running "
-        "there. "
-        f"The {total - len(outcome.undone)} finished ones are kept. Restart the scheduler and repeat the command, or "
-        "leave "
-        "out --scheduler to continue on this machine: only missing cases are computed"
+        f"there. The {total - len(outcome.undone)} finished ones are kept. Restart the scheduler and repeat the "
+        "command, or leave out --scheduler to continue on this machine: only missing cases are computed"
     )
 
 

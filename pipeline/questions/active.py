@@ -246,8 +246,7 @@ class PillarModelResult(Modelled, table="comparison", axes=("quantity",)):
     point_force: dict[str, Any] = column(
         "a point obstacle on a beam in the path of a flexural wave: cases by name (spring, pin, damper, moment, "
         "printed force), each with the fractions transmitted, reflected and absorbed and the amplitude (abs, of the "
-        "incident "
-        "wave's) at x_over_wavelength"
+        "incident wave's) at x_over_wavelength"
     )
     cell: dict[str, Any] | None = column(
         "with --cell, the computed cell: model, frequencies_hz, db_per_row (None where no flexural wave was found) and "
@@ -365,10 +364,10 @@ class BeamResult(Modelled, table="cases", axes=("layout",)):
     """A strip driven at its centre with velocity feedback on both sides: amplitudes, forces, stability."""
 
     beam: dict[str, Any] = column(
-        "the strip, with free ends and driven at its centre: length_m, width_m, thickness_m, material, quality_factor "
-        "(None "
-        "without losses), bending_n_m2 (bending stiffness), mass_kg_m, force_n; left_m, centre of the left loops, the "
-        "right ones mirrored; apart_m between the two points of a pair; natural_hz, its lowest natural frequencies"
+        "the strip, with free ends and driven at its centre: length_m, width_m, thickness_m, material, "
+        "quality_factor (None without losses), bending_n_m2 (bending stiffness), mass_kg_m, force_n; left_m, centre "
+        "of the left loops, the right ones mirrored; apart_m between the two points of a pair; natural_hz, its "
+        "lowest natural frequencies"
     )
     frequencies_hz: list[float] = column("frequencies of the force", "Hz", table=False)
     point_stiffness_n_m: list[float] = column(
@@ -381,20 +380,19 @@ class BeamResult(Modelled, table="cases", axes=("layout",)):
     delays_s: list[float] = column("delays of the loops for the stability analysis", "s")
     cases: list[LoopCase] = column("every layout at every frequency and gain")
     stability: list[dict[str, Any]] = column(
-        "for each layout: dual, whether sensing and actuation are dual; growth_per_s of the slowest pole at each gain, "
-        "unstable above 0; unstable_from_n_m, the gain from which a pole grows (None: none found); delay_margin_s at "
-        "each "
-        "gain (None where the loop is unstable without delay); gain_limits_n_m at each delay and, last, for "
-        "demodulation over one period, and gain_limits_hz, the frequency that sets each (None: none found)"
+        "for each layout: dual, whether sensing and actuation are dual; growth_per_s of the slowest pole at each "
+        "gain, unstable above 0; unstable_from_n_m, the gain from which a pole grows (None: none found); "
+        "delay_margin_s at each gain (None where the loop is unstable without delay); gain_limits_n_m at each delay "
+        "and, last, for demodulation over one period, and gain_limits_hz, the frequency that sets each (None: none "
+        "found)"
     )
     gain_sweep: dict[str, list[float]] = column(
         "ratio of rms inside to rms outside of each layout (point, pair, couple, opposed) over gains_n_m, first "
         "frequency"
     )
     place_sweep: dict[str, list[float]] = column(
-        "the same ratio over the position of the loops, places_m, at the last gain: one list per layout and frequency, "
-        "such as "
-        "`pair at 3000 Hz`"
+        "the same ratio over the position of the loops, places_m, at the last gain: one list per layout and "
+        "frequency, such as `pair at 3000 Hz`"
     )
     comparison: list[Compared] = column(COMPARED)
 
@@ -406,8 +404,7 @@ class BeamResult(Modelled, table="cases", axes=("layout",)):
         size = f"{beam['length_m'] / MM:g} x {beam['width_m'] / MM:g} x {beam['thickness_m'] / MM:g} mm"
         yield (
             f"free-free {beam['material']} strip {size}, 1 N at its centre, loops {figure(beam['left_m'] / MM)} mm "
-            "from both "
-            "ends; strength = K'/(4 EI beta^3), ratio = rms inside / rms outside"
+            "from both ends; strength = K'/(4 EI beta^3), ratio = rms inside / rms outside"
         )
         yield self.reading()
         yield from self.compared()
@@ -501,28 +498,24 @@ class ShapingResult(Modelled, table="comparison", axes=("quantity",)):
         "the best wave; condition and independence by calibrated sensors and by displacement"
     )
     confinement: list[dict[str, Any]] = column(
-        "each beam, signal, frequency_hz, region (left, middle, right) and target (in phase, alternating): peak_ratio of the "
-        "field inside to that outside, contrast_db, volts_per_um, the largest voltage for 1 um; beyond_to_inside, "
-        "largest "
-        "voltage outside the region divided by that inside; within limit_v limited_error and limited_peak_ratio; for "
-        "any voltages "
-        "best_peak_ratio and best_contrast_db"
+        "each beam, signal, frequency_hz, region (left, middle, right) and target (in phase, alternating): "
+        "peak_ratio of the field inside to that outside, contrast_db, volts_per_um, the largest voltage for 1 um; "
+        "beyond_to_inside, largest voltage outside the region divided by that inside; within limit_v limited_error "
+        "and limited_peak_ratio; for any voltages best_peak_ratio and best_contrast_db"
     )
     travelling: list[dict[str, Any]] = column(
-        "requested waves of each beam, signal and frequency_hz: window_m where they are evaluated, free_wavelength_m "
-        "of the beam "
-        "itself; over wavelengths_m twr (1 travels, 0 stands), swr (1 - twr), fitted_twr (near fields left out); peak: the "
-        "best of them with wavelength_m, twr, forward_energy_share, net_flux_over_forward; free: with any voltages, "
-        "twr, "
-        "fitted_twr, near_field_share and voltages_relative as abs and phase_rad"
+        "requested waves of each beam, signal and frequency_hz: window_m where they are evaluated, "
+        "free_wavelength_m of the beam itself; over wavelengths_m twr (1 travels, 0 stands), swr (1 - twr), "
+        "fitted_twr (near fields left out); peak: the best of them with wavelength_m, twr, forward_energy_share, "
+        "net_flux_over_forward; free: with any voltages, twr, fitted_twr, near_field_share and voltages_relative as "
+        "abs and phase_rad"
     )
     errors: list[dict[str, Any]] = column(
         "effect of the assumed errors on each beam and signal: q05, median and q95 of peak_ratio, twr and pattern_error"
     )
     filter: dict[str, Any] = column(
         "the low-pass between bridge and patch: inductance_h, resistance_ohm, capacitance_f, corner_hz; pwm_ripple, "
-        "the transmitted "
-        "fraction of the carrier; compensation at each frequency_hz as abs and phase_rad; "
+        "the transmitted fraction of the carrier; compensation at each frequency_hz as abs and phase_rad; "
         "compensation_error_of_moving_patches, relative"
     )
     mode_pairs: list[dict[str, Any]] = column(

@@ -26,19 +26,15 @@ class DqResult(Modelled, table="comparison", axes=("quantity",)):
     )
     neighbours: list[dict[str, float]] = column("other modes that the drive excites: frequency_hz and gain")
     design: dict[str, Any] = column(
-        "the PI controller on demodulated amplitudes: within_s, the required time; latency_s of the loop; response_s, "
-        "its "
-        "time constant; proportional and integral_per_s in continuous time; sampled: the firmware's values, "
-        "proportional and "
-        "integral every period_s, planned_s to meet within_s, largest_share of the drive after noise and neighbours, "
-        "bounded_by_neighbours"
+        "the PI controller on demodulated amplitudes: within_s, the required time; latency_s of the loop; "
+        "response_s, its time constant; proportional and integral_per_s in continuous time; sampled: the firmware's "
+        "values, proportional and integral every period_s, planned_s to meet within_s, largest_share of the drive "
+        "after noise and neighbours, bounded_by_neighbours"
     )
     feasibility: list[dict[str, Any]] = column(
-        "drive needed for an amplitude, by share of the largest: reference, steady_drive, peak_drive while "
-        "rising, "
-        "feasible (the drive never reaches its limit), largest_reference that keeps the response, least_time_s to 95 % "
-        "at full "
-        "drive (None beyond the largest sustainable amplitude)"
+        "drive needed for an amplitude, by share of the largest: reference, steady_drive, peak_drive while rising, "
+        "feasible (the drive never reaches its limit), largest_reference that keeps the response, least_time_s to "
+        "95 % at full drive (None beyond the largest sustainable amplitude)"
     )
     margins: dict[str, Any] = column(
         "margins of the sampled loop: gain, phase_deg of the carrier, sensitivity (its largest), stable, poles (real "
@@ -46,13 +42,12 @@ class DqResult(Modelled, table="comparison", axes=("quantity",)):
     )
     identified: dict[str, Any] = column(
         "mode identified from a simulated sweep: frequency_hz, tau_s, quality_factor, gain (real and imaginary), "
-        "delay_s, "
-        "background (real and imaginary), circle (centre, radius, misfit), and printed_tau_s by the thesis' formula"
+        "delay_s, background (real and imaginary), circle (centre, radius, misfit), and printed_tau_s by the "
+        "thesis' formula"
     )
     measured: dict[str, Any] | None = column(
         "mode identified from the file of --sweep: frequency_hz, tau_s, quality_factor, gain, delay_s, background, "
-        "circle "
-        "(centre, radius, misfit); None without one"
+        "circle (centre, radius, misfit); None without one"
     )
     steps: list[dict[str, Any]] = column(
         "simulated steps, by name: detuning_hz of the mode, reference, reached_95_s and settled_5_s (None where never), "

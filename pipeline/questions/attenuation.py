@@ -100,9 +100,8 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
     def lines(self) -> Iterator[str]:
         """Yield the model, some frequencies, and the attenuation at the target frequency of plate theory."""
         yield (
-            f"{self.model}, kx = {figure(self.kx_per_m)} rad/m; attenuation of the least attenuated flexural wave, and "
-            "fractions of an "
-            f"incident flexural wave's power after {self.rows} row{'s' * (self.rows != 1)}"
+            f"{self.model}, kx = {figure(self.kx_per_m)} rad/m; attenuation of the least attenuated flexural wave, "
+            f"and fractions of an incident flexural wave's power after {self.rows} row{'s' * (self.rows != 1)}"
         )
         yield self.reading(("taken_error_db",), SHOWN)
         yield from self._at_the_zone()
@@ -188,9 +187,8 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
         most = level(deepest.db_per_row or 0.0, deepest.db_error)
         return (
             "Attenuation per row of flexural, shear and longitudinal waves over frequency; the least attenuated "
-            "flexural wave "
-            f"decays most, {most} per row, at {frequency(deepest.frequency_hz)}; below, the power transmitted by "
-            f"{self.rows} rows"
+            f"flexural wave decays most, {most} per row, at {frequency(deepest.frequency_hz)}; below, the power "
+            f"transmitted by {self.rows} rows"
         )
 
     def __repr__(self) -> str:
