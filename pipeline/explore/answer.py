@@ -1,7 +1,7 @@
 """Answer the explorer's questions about a design, and compute its scatter when all pillars share one deviation.
 
-Every sample is a design computed from the parametric cell (`pipeline.explore.answer`). That cell does not cover pillars that
-differ within one plate: they have their own families of reductions (`pipeline.models.tolerance`).
+Every sample of that scatter is itself a design of the parametric cell. That cell does not cover pillars that differ within
+one plate: they have their own families of reductions (`pipeline.models.tolerance`).
 """
 
 from __future__ import annotations
@@ -302,8 +302,7 @@ class Explorer:
         if not case.design.extension_m:
             numbers["extension_db"] = None
         error = boundary_error(design) + layer + live.moved + mesh_error(frequency_hz)
-        bar = Bar.over(live.within(error), found, error)
-        others = [replace(other, frequency_hz=other.frequency_hz * (1.0 - layer)) for other in bar.others]
+        bar = Bar.over(live.within(error), found, error, layer)
         squares = live.plate.profile(live.modes.vectors @ found.turn[:, at])
         return numbers | {
             "frequency_hz": frequency_hz,
@@ -313,8 +312,8 @@ class Explorer:
             "status": bar.status,
             "near_hz": bar.near_hz,
             "rivals": len(found.verdict.rivals),
-            "others": list(map(asdict, others)),
-            "warnings": bar.warnings(others),
+            "others": list(map(asdict, bar.others)),
+            "warnings": bar.warnings(),
             "profile": _profile(*squares, design.half_span_m),
             "half_width_mm": 5e2 * design.width_m,
             "half_span_mm": 1e3 * design.half_span_m,
@@ -393,8 +392,8 @@ class Bar:
     error: float
 
     @classmethod
-    def over(cls, changed: list[Detuned], own: Detuned, error: float) -> Bar:
-        """From the verdict and those over changes within an error."""
+    def over(cls, changed: list[Detuned], own: Detuned, error: float, layer: float = 0.0) -> Bar:
+        """From the verdict and those over changes within an error; others are lowered by an end layer's share."""
         known = [one for one in changed if one.verdict.index is not None]
         hz = np.concatenate([one.frequency_hz[list(one.tied)] for one in (own, *known)])
         confinement, extension = (
@@ -409,13 +408,15 @@ class Bar:
             float(np.max(off[off > error] + error, initial=error)),
             Levels.over(confinement[same]),
             Levels.over(extension[same]),
-            tuple(Candidate.over(hz[mode], confinement[mode], error) for mode in modes if mode is not same),
+            tuple(
+                Candidate.over((1.0 - layer) * hz[mode], confinement[mode], error) for mode in modes if mode is not same
+            ),
             "single" if single else "split",
             own.rival_hz(NEAR * error),
             error,
         )
 
-    def warnings(self, others: list[Candidate]) -> list[str]:
+    def warnings(self) -> list[str]:
         """What limits the use of the answer."""
         said, least, most = [], self.confinement.least_db, self.confinement.most_db
         if self.near_hz is not None and least is not None and most is not None:
@@ -423,8 +424,8 @@ class Bar:
             said.append(WORDS["near"].format(hz=near_hz, error=error, least=level(least), most=level(most)))
         if self.status == "split":
             said.append(WORDS["split"])
-        if others:
-            named = ", ".join(frequency(each.frequency_hz, each.frequency_error) for each in others)
+        if self.others:
+            named = ", ".join(frequency(each.frequency_hz, each.frequency_error) for each in self.others)
             said.append(WORDS["others"].format(named=named))
         return said
 

@@ -1,4 +1,4 @@
-"""A square cell with one pillar as an exactly affine function of its four sizes, and the foot that stays alike.
+"""A panel with one pillar as an exactly affine function of its sizes, and the foot whose shape stays alike.
 
 A round or hexagonal section stands in a square block of the plate that grows with it, so that beyond the block every stretch
 is along the axes, as it is for a section made of boxes (rozza2008).

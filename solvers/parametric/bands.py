@@ -4,7 +4,7 @@ At each wavevector and in each of its mirror sectors a basis of some fifty funct
 gathered once over the box (BOUNDARY of them hold it: whatever a pillar does, its cell's sides bend smoothly), and the
 design's own clamped modes and inertial answers. All pencils are small, real and dense, and are solved in one batch (pau2007).
 
-The bases of `reduced_block` follow every boundary polynomial alike. Of the waves of some hundred designs and wavevectors, each
+The bases of `block` follow every boundary polynomial alike. Of the waves of some hundred designs and wavevectors, each
 of unit energy, far fewer directions hold all but KEPT (sirovich1987); rigid motions stay exact. Matrices are rounded to single
 precision, so that a page without Python has the same ones.
 """

@@ -318,7 +318,7 @@ function unitOf(data, sizes) { // solvers/parametric/affine.py
   unit[3] = Math.log((sizes[3] - side) / least) / Math.log((box.high[3] - side) / least);
   return unit.map((u) => Math.min(Math.max(u, 0), 1));
 }
-function betweenCorners(data, corners, sizes) { // pipeline/models/parametric_mesh.py: logarithms in the box's corners
+function betweenCorners(data, corners, sizes) { // pipeline/models/parametric.py: logarithms in the box's corners
   const unit = unitOf(data, sizes), total = zeros(corners[0].length);
   corners.forEach((row, corner) => {
     const weight = unit.reduce((w, u, i) => w * (corner >> 3 - i & 1 ? u : 1 - u), 1);

@@ -164,7 +164,7 @@ def test_modes_whose_weights_may_change_places_are_named_each_with_its_bars() ->
     assert bar.confinement.half_db == pytest.approx(TIED) and bar.extension.half_db is None
     (other,) = bar.others
     assert astuple(other) == pytest.approx((30e3, 0.02, 3.0, TIED))
-    assert "may also be that at 30.0 kHz" in bar.warnings([other])[-1]
+    assert "may also be that at 30.0 kHz" in bar.warnings()[-1]
 
 
 def test_what_one_mode_becomes_under_changes_is_one_candidate() -> None:
