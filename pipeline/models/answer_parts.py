@@ -176,7 +176,7 @@ class Transmission(Part):
 
 
 class Passed(Part):
-    """Reflection and transmission of an incoming flexural wave at a frequency."""
+    """Reflection and transmission of an incident flexural wave at a frequency."""
 
     frequency_hz: float = column("frequency", "Hz", along=())
     transmission: Transmission | None = column(

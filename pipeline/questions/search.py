@@ -307,10 +307,11 @@ class Search(
     )  # fmt: skip
     goal: Goal = option(
         default="confinement",
-        help="goal: dB on the zone over the passive face; or over the plate beyond the rows; or the least value of the "
-        "first with all heights changed by tolerance.height_mm; or the width of the band around the target mode in "
-        "which the rows attenuate a wave by 10 dB; for several zones, each driven in turn: the first, the third, the "
-        "smallest dB on the driven zone over another one, or the smallest gap between them",
+        help="confinement: level of the zone over the passive face, dB; extension: over the plate beyond the rows; "
+        "worst: smallest confinement when tolerance.height_mm changes all heights; widest: width of the band around "
+        "the target mode in which the rows attenuate a wave by 10 dB; for several zones, each driven in turn: "
+        "confinement, worst, isolation (smallest level of the driven zone over another one, dB) or closest (smallest "
+        "gap between zones)",
     )
     evaluations: int = option(
         default=16,

@@ -221,10 +221,11 @@ def _limits(design: Design, zone: ZoneSize | None, pillar: PillarSize | None) ->
 
 
 def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
-    text = zone.formula_hz / zone.frequency_hz - 1.0
+    error = zone.formula_hz / zone.frequency_hz - 1.0
     lines = [
-        f"zone: the beam-function formula gives {zone.formula_hz / 1e3:.3g} kHz, {100 * text:+.1f} % from the exact thin "
-        f"plate {zone.frequency_hz / 1e3:.3g} kHz: it does not meet a plate's free ends"
+        f"zone: the beam-function formula gives {zone.formula_hz / 1e3:.3g} kHz, {100 * abs(error):.1f} % "
+        f"{'below' if error < 0.0 else 'above'} the exact thin plate's {zone.frequency_hz / 1e3:.3g} kHz: it does not satisfy "
+        "the conditions at a plate's free ends"
     ]
     if zone.half_wavelength_m is not None:
         finger = "below" if zone.half_wavelength_m < FINGER_M else "not below"
@@ -239,7 +240,7 @@ def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
         f"zone: shear and rotary inertia change the frequency by {100 * (zone.pinned_hz / zone.frequency_hz - 1):+.1f} % "
         f"with pinned sides and {100 * (zone.clamped_hz / zone.thin_clamped_hz - 1):+.1f} % with clamped ones (Mindlin)",
         f"zone: between {zone.pinned_hz / 1e3:.3g} kHz (pinned sides) and {zone.clamped_hz / 1e3:.3g} kHz (clamped sides), "
-        "whichever the rows of pillars come near to (Mindlin)",
+        "depending on how firmly the rows of pillars hold its sides (Mindlin)",
     ]
 
 

@@ -139,7 +139,7 @@ def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float) -> LowPas
     """
     if not 0.0 < highest_hz < pwm_hz:
         raise SolverError(
-            f"filter: needs 0 < highest operating frequency < PWM frequency, {highest_hz:g} and {pwm_hz:g} Hz came"
+            f"filter: requires 0 < highest operating frequency < PWM frequency, got {highest_hz:g} and {pwm_hz:g} Hz"
         )
     check_above_zero("filter: capacitance", capacitance_f)
     corner = 2.0 * pi * sqrt(highest_hz * pwm_hz)
