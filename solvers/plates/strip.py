@@ -43,17 +43,47 @@ class EffectiveMass:
 
 
 def root_compliance(pillar: Pillar) -> float:
-    """Rotation of the pillar's foot in an elastic half-space per moment, rad/(N m): 16.67/(pi E a^3).
+    """Compute the rotation of a pillar's foot in an elastic half-space per moment: 16.67/(pi E a^3).
 
-    Plane stress, for a square section of side a; another one has that of the square of equal area. Source: odonnell1960.
+    Plane stress, for a square section of side a; another section counts as the square of equal area.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        Section in m, material in Pa.
+
+    Returns
+    -------
+    float
+        In rad/(N m).
+
+    References
+    ----------
+    .. [1] odonnell1960 (docs/references.bib)
     """
     return ROOT / (pillar.material.rod(2).young_pa * pillar.form.section.area_m2**1.5)
 
 
 def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0.0) -> EffectiveMass:
-    """The foot turns about a line `lever_m` below it (the plate's middle), the pillar bends. Source: craig1968.
+    """Compute the effective mass of a pillar whose foot turns about a line below it while the pillar bends.
 
-    `compliance` (rad/(N m)) lets the pillar rotate on its foot, too: the compliance of the plate around it.
+    Parameters
+    ----------
+    pillar : Pillar
+        Sizes in m.
+    lever_m : float
+        Distance of the line below the foot: to the middle of the plate.
+    compliance : float, optional
+        Rotation of the foot per moment due to the plate around it, in rad/(N m).
+
+    Returns
+    -------
+    EffectiveMass
+        Moment of inertia in kg m^2 and its resonances.
+
+    References
+    ----------
+    .. [1] craig1968 (docs/references.bib)
     """
     beam = pillar_beam(pillar, about_x=True)
     s, weight, ratio = _rule(beam)
@@ -79,7 +109,18 @@ def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0
 
 
 def lifting_effective_mass(pillar: Pillar) -> EffectiveMass:
-    """The foot moves along the pillar's axis, the pillar stretches."""
+    """Compute the effective mass of a pillar whose foot moves along its axis while the pillar stretches.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        Sizes in m.
+
+    Returns
+    -------
+    EffectiveMass
+        Mass in kg and its resonances.
+    """
     beam = pillar_beam(pillar, about_x=True)
     s, weight, ratio = _rule(beam)
     shapes, slopes = _clamped(s)
@@ -138,9 +179,26 @@ _GAUSS = legendre.leggauss(4)
 
 
 def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float = 0.5) -> AcrossModes:
-    """Modes with low <= f <= high, Hz. SolverError for a design without zone or thickness.
+    """Compute the strip's modes in a frequency band.
 
-    `softness` scales the compliance of the pillars' feet in addition to the strip's own bending: 1 is that of a half-space.
+    Parameters
+    ----------
+    design : Design
+        The plate, lengths in m.
+    low_hz, high_hz : float
+        Ends of the band, inclusive.
+    softness : float, optional
+        Factor on the compliance of the pillars' feet beyond the strip's own bending: 1 is a half-space.
+
+    Returns
+    -------
+    AcrossModes
+        Frequencies (n,) in Hz and their profiles.
+
+    Raises
+    ------
+    SolverError
+        For a design without zone or thickness.
     """
     frequency_hz, profile = _solved(design, (low_hz, high_hz), softness)
     return AcrossModes(frequency_hz, measure_profile(profile, design))
@@ -149,8 +207,28 @@ def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float =
 def strip_zones(
     design: Design, low_hz: float, high_hz: float, quality_factor: float, softness: float = 0.5
 ) -> DrivenZones:
-    """Zones of a plate driven in turn at their peaks within a window, by its modes and those somewhat beyond. SolverError as
-    strip_modes, and where no mode lies there.
+    """Drive each zone of a plate at its peak within a band, with the strip's modes there and somewhat beyond.
+
+    Parameters
+    ----------
+    design : Design
+        The plate, lengths in m.
+    low_hz, high_hz : float
+        Ends of the band.
+    quality_factor : float
+        Of every mode, dimensionless.
+    softness : float, optional
+        Factor on the compliance of the pillars' feet: 1 is a half-space.
+
+    Returns
+    -------
+    DrivenZones
+        Frequencies in Hz and levels in dB.
+
+    Raises
+    ------
+    SolverError
+        For a design without zone or thickness, and if no mode lies there.
     """
     frequency_hz, profile = _solved(design, (BESIDE[0] * low_hz, BESIDE[1] * high_hz), softness)
     return drive_zones(design, frequency_hz, profile, (low_hz, high_hz), quality_factor)
