@@ -60,7 +60,7 @@ def level_bars(frequency_hz: FloatArray, level_db: FloatArray, error: float | No
     frequency_hz, level_db : ndarray, shape (n,)
         The samples, ascending; NaN for no level.
     error : float or None
-        Relative error bar of the frequencies; None without an estimate.
+        Relative error bar of the frequencies, dimensionless; None without an estimate.
     level : callable
         The level in dB at a frequency in Hz; called where the samples do not resolve the curve.
 
@@ -183,12 +183,14 @@ def forced_bars(
     ----------
     parts : two of (weights (q,), values (q, k))
         Faces whose rms are compared: areas of their points, and the modes there.
-    force, value, error : ndarray, shape (k,)
-        Modal forces, scaled eigenvalues, and relative error bars of the frequencies.
+    force, value : ndarray, shape (k,)
+        Modal forces and scaled eigenvalues.
     moved : ndarray, shape (t,)
         Scaled eigenvalues of the driving frequencies.
     quality_factor : float
         Of every mode, dimensionless.
+    error : ndarray, shape (k,)
+        Relative error bars of the frequencies.
     mixed : float
         Expected fraction of the bound on the mixing of modes.
 
