@@ -208,7 +208,7 @@ def variations(
 def mixings(
     forced: ForcedPlate, errors: list[FloatArray], resonating_hz: float, share: float
 ) -> Iterator[tuple[Variation, ...]]:
-    """Yield those of the `variations` that mix another mode into the resonance nearest to a frequency.
+    """Select those of the `variations` that mix another mode into the resonance nearest to a frequency.
 
     Parameters
     ----------
@@ -221,9 +221,9 @@ def mixings(
     share : float
         Expected fraction of the bound on mixing.
 
-    Yields
-    ------
-    tuple of Variation
+    Returns
+    -------
+    iterator of tuple of Variation
         Both signs of one pair.
     """
     return (each for each in variations(forced, errors, resonating_hz, share) if each[0].turn is not None)

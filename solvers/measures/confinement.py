@@ -202,17 +202,42 @@ class Overlaps:
 
 
 def ratio_db(inside: Any, outside: Any) -> FloatArray:
-    """20 log10 of rms values, inside over outside; infinite where nothing moves outside."""
+    """Express the ratio of rms values as a level, 20 log10(inside/outside).
+
+    Parameters
+    ----------
+    inside, outside : array_like, any shape
+        Rms values in one unit.
+
+    Returns
+    -------
+    ndarray, same shape
+        In dB; infinite where nothing moves outside.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(20.0 * np.log10(np.asarray(inside) / np.asarray(outside)))
 
 
 def share_error(share: float | None, level_error_db: float | None) -> float | None:
-    """Error bar (half-width) of a part's share of the squares, from that of its level; None if one is unknown.
+    """Bound the error of a part's share of the squares by the error of its level.
 
-    Of areas given, share / (1 - share) goes with 10^(level/10), so that an error e of the level puts the share
-    at share g / (1 - share + share g) with g = 10^(+-e/10): the farther of both counts.
+    For given areas, share / (1 - share) is proportional to 10^(level/10), so that an error e of the level puts the share
+    at share g / (1 - share + share g) with g = 10^(+-e/10). The farther of both counts.
 
+    Parameters
+    ----------
+    share : float or None
+        Share of the part, 0 to 1 (dimensionless).
+    level_error_db : float or None
+        Half-width of the level's error bar.
+
+    Returns
+    -------
+    float or None
+        Half-width of the share's error bar, dimensionless; None if one is unknown.
+
+    Examples
+    --------
     >>> from solvers.measures.confinement import share_error
     >>> round(share_error(0.9, 0.1), 4), share_error(1.0, 0.1), share_error(0.9, None)
     (0.0021, 0.0, None)
@@ -225,21 +250,59 @@ def share_error(share: float | None, level_error_db: float | None) -> float | No
 
 
 def target_shape(design: Design, points: FloatArray) -> FloatArray:
-    """The analytic (0, N) shape at points (q, 2 or 3) in m: half a sine across the zone, a free-free beam along it."""
+    """Evaluate the analytic (0, N) shape: half a sine across the zone times a free-free beam mode along it.
+
+    Parameters
+    ----------
+    design : Design
+        The plate with its zone.
+    points : ndarray, shape (q, 2) or (q, 3)
+        Points in m from the centre of the zone.
+
+    Returns
+    -------
+    ndarray, shape (q,)
+        The shape, 1 at the crest across; along it as `free_free_mode`.
+    """
     across = np.sin(np.pi * (points[:, 1] + design.width_m / 2.0) / design.width_m)
     along = free_free_mode(design.nodal_lines).shape(points[:, 0] / design.length_m + 0.5)
     return np.asarray(across * along)
 
 
 def target_symmetry(nodal_lines: int) -> str:
-    """Signs (x, y) of u_z of the target mode: a free-free beam with N nodes is even for even N; half a sine is even."""
+    """Return the symmetry class (x, y) of u_z of the target mode.
+
+    A free-free beam with N nodes is even for even N; half a sine is even.
+
+    Parameters
+    ----------
+    nodal_lines : int
+        N.
+
+    Returns
+    -------
+    str
+        "SS" or "AS".
+    """
     return ("S" if nodal_lines % 2 == 0 else "A") + "S"
 
 
 def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinement:
-    """Confinement of modes from their normal displacement on the touch face.
+    """Measure the confinement of modes from their normal displacement on the touch face.
 
-    `symmetry` is the symmetry class of a halved model (a shape of another class has no share in it), None for a whole plate.
+    Parameters
+    ----------
+    touch : TouchField
+        Points, weights and modes.
+    design : Design
+        The plate with its zone.
+    symmetry : str or None
+        Symmetry class of a halved model, in which a target shape of another class is 0; None for a whole plate.
+
+    Returns
+    -------
+    Confinement
+        Zone share, level in dB, MAC and strength of every mode, (k,) each.
     """
     shape = shape_at(touch, design, symmetry)
     profile = Profile(np.abs(touch.points[:, 1]), touch.weights, touch.values, shape, touch.modal_mass_kg)
@@ -247,7 +310,22 @@ def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinem
 
 
 def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """Forces (q,) at the points whose work on a mode, squared, is its strength."""
+    """Compute the forces whose work on a mode, squared, is its strength.
+
+    Parameters
+    ----------
+    touch : TouchField
+        Points and weights of the touch face.
+    design : Design
+        The plate with its zone.
+    symmetry : str or None
+        Symmetry class of a halved model; None for a whole plate.
+
+    Returns
+    -------
+    ndarray, shape (q,)
+        Forces at the points, scaled by the modal mass.
+    """
     shape = shape_at(touch, design, symmetry)
     heavy = touch.weights * shape
     own = float(heavy @ shape)
@@ -256,7 +334,22 @@ def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> F
 
 
 def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """Return the target shape at the points, (q,), 0 on the passive face and in a class that lacks it."""
+    """Evaluate the target shape at the points of the touch face.
+
+    Parameters
+    ----------
+    touch : TouchField
+        The points.
+    design : Design
+        The plate with its zone.
+    symmetry : str or None
+        Symmetry class of a halved model; None for a whole plate.
+
+    Returns
+    -------
+    ndarray, shape (q,)
+        0 on the passive face, and in a class that lacks the shape.
+    """
     shape = np.zeros(len(touch.points))
     if symmetry in (None, target_symmetry(design.nodal_lines)):
         active = touch.is_active(design)
@@ -265,12 +358,38 @@ def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatAr
 
 
 def is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
-    """Mask of the points on the plate beyond the last row."""
+    """Find the points on the plate beyond the last row.
+
+    Parameters
+    ----------
+    y_m : ndarray, shape (q,)
+        Distance from the plate's middle line.
+    design : Design
+        The plate with its rows.
+
+    Returns
+    -------
+    ndarray of bool, shape (q,)
+        True beyond the last row.
+    """
     return np.asarray(np.abs(y_m) > design.half_span_m - design.extension_m)
 
 
 def measure_profile(profile: Profile, design: Design) -> Confinement:
-    """Confinement of a motion known over y; a target motion of zero gives a MAC of 0."""
+    """Measure the confinement of a motion that is known over y.
+
+    Parameters
+    ----------
+    profile : Profile
+        Places, weights, values (q, k) and target shape.
+    design : Design
+        The plate with its zone.
+
+    Returns
+    -------
+    Confinement
+        Of every motion, (k,) each; the MAC is 0 where the target shape is zero.
+    """
     y, weights = np.abs(profile.y_m), profile.weights
     squares = np.abs(profile.values) ** 2
     active = y < design.width_m / 2.0
@@ -286,9 +405,23 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
 def confined(
     squares: Sequence[FloatArray], areas: Sequence[float], projection: FloatArray, per_mass: float
 ) -> Confinement:
-    """Confinement from integrals of |u_z|^2 (k,) over zone, passive face and the plate beyond the last row, and their areas.
+    """Compute the confinement from integrals of |u_z|^2 over zone, passive face and the plate beyond the last row.
 
-    projection (k,): square of the zone's motion in the target shape; per_mass: mass per area over the modal mass.
+    Parameters
+    ----------
+    squares : three of ndarray, shape (k,)
+        The integrals.
+    areas : three of float
+        The areas of these parts, in the unit of the integrals.
+    projection : ndarray, shape (k,)
+        Square of the zone's motion in the target shape.
+    per_mass : float
+        Mass per area divided by the modal mass.
+
+    Returns
+    -------
+    Confinement
+        Of every motion, (k,) each.
     """
     (inside, passive, beyond), (zone, aside, outer) = squares, areas
     level, further = _level_db(inside, zone, passive, aside), _level_db(inside, zone, beyond, outer)
@@ -298,7 +431,20 @@ def confined(
 
 
 def zone_parts(design: Design, y: FloatArray) -> list[BoolArray]:
-    """Masks of the points in each zone, and in none."""
+    """Find the points in each zone, and in none.
+
+    Parameters
+    ----------
+    design : Design
+        The plate with its zones.
+    y : ndarray, shape (q,)
+        Distance from the plate's middle line, in m.
+
+    Returns
+    -------
+    list of ndarray of bool, shape (q,)
+        One mask per zone, then the mask of the passive face.
+    """
     inside = [np.abs(y - middle) < design.width_m / 2.0 for middle in design.zone_centres_m]
     return [*inside, ~np.logical_or.reduce(inside)]
 
@@ -306,7 +452,24 @@ def zone_parts(design: Design, y: FloatArray) -> list[BoolArray]:
 def peak_hz(
     moved: Callable[[FloatArray], FloatArray], resonances_hz: FloatArray, band_hz: tuple[float, float], loss: float
 ) -> float:
-    """Frequency of the largest motion within a band, Hz: at resonances and the band's ends, then finer about the largest."""
+    """Find the frequency of the largest motion in a band: at resonances and ends first, then on a finer grid.
+
+    Parameters
+    ----------
+    moved : callable
+        Motion (n,) at frequencies (n,) in Hz.
+    resonances_hz : ndarray, shape (m,)
+        Resonances of the plate.
+    band_hz : tuple of float
+        Ends of the band, in Hz.
+    loss : float
+        Relative width of a resonance, 1/Q.
+
+    Returns
+    -------
+    float
+        In Hz.
+    """
     low, high = band_hz
     tones = np.concatenate([resonances_hz[(resonances_hz >= low) & (resonances_hz <= high)], [low, high]])
     for _ in range(2):
@@ -318,8 +481,32 @@ def peak_hz(
 def drive_zones(
     design: Design, frequency_hz: FloatArray, profile: Profile, band_hz: tuple[float, float], quality_factor: float
 ) -> DrivenZones:
-    """Zones driven in turn by a pressure of the target shape, by M-orthonormal modes (k,) over the whole width of the plate:
-    a_k = phi_k' f / (f_k^2 (1 + i/Q) - f^2), each at its peak within the band. SolverError without modes.
+    """Drive each zone in turn by a pressure of the target shape, each at its own peak within a band.
+
+    With M-orthonormal modes over the whole width of the plate: a_k = phi_k' f / (f_k^2 (1 + i/Q) - f^2).
+
+    Parameters
+    ----------
+    design : Design
+        The plate with its zones.
+    frequency_hz : ndarray, shape (k,)
+        Frequencies of the modes.
+    profile : Profile
+        The modes over y.
+    band_hz : tuple of float
+        Ends of the band, in Hz.
+    quality_factor : float
+        Of every mode, dimensionless.
+
+    Returns
+    -------
+    DrivenZones
+        Peaks in Hz, levels of every part in dB, and MAC of each zone.
+
+    Raises
+    ------
+    SolverError
+        If the plate has no mode there.
     """
     if not len(frequency_hz):
         raise SolverError("the plate has no mode around the frequency of its isolated zone")
@@ -347,9 +534,23 @@ def drive_zones(
 
 
 def mixed_shares(frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> FloatArray:
-    """Shares of every mode, then of one at each end, that an error of the stiffness adds to a mode at most, one each.
+    """Bound how much of every other mode an error of the stiffness adds to a mode.
 
-    Parameters as of `Overlaps.mixing_db`.
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (k,)
+        Frequencies of the modes.
+    index : int
+        The mode in question.
+    error : float
+        Relative error of the frequencies, dimensionless.
+    ends_hz : tuple of float, optional
+        Frequencies at which further modes may lie, one each.
+
+    Returns
+    -------
+    ndarray, shape (k + ends,)
+        Amplitudes relative to the mode, at most 1.
     """
     own, tones = frequency_hz[index], np.append(frequency_hz, ends_hz)
     apart = np.abs(tones**2 - own**2)
@@ -360,18 +561,25 @@ def mixed_shares(frequency_hz: FloatArray, index: int, error: float, ends_hz: tu
 def mixed_energy(
     share_of: Callable[[FloatArray], FloatArray], vectors: FloatArray, index: int, mixed: FloatArray
 ) -> tuple[float, float]:
-    """A mode's share of a part's energy, and what neighbours change of it, each of the worse sign, added by their squares.
+    """Compute a mode's share of a part's energy, and what its neighbours change of it.
+
+    Each neighbour is added with the worse sign; the changes are combined as the root of the sum of their squares.
 
     Parameters
     ----------
     share_of : callable
-        Gives the share (k,) of M-orthonormal motions (dof, k).
+        Shares (k,) of M-orthonormal motions (dof, k).
     vectors : ndarray, shape (dof, k)
-        Of the modes.
+        The modes.
     index : int
         The mode whose share it is.
     mixed : ndarray, shape (k,)
-        How much of each of the others is added.
+        Amplitudes of each of the others.
+
+    Returns
+    -------
+    share, change : float
+        Both dimensionless.
     """
     own, others = vectors[:, [index]], np.delete(np.arange(vectors.shape[1]), index)
     added = [

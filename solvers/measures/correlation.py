@@ -49,7 +49,22 @@ class Step:
 
 
 def zone_coefficients(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """c_ij = int u_z P_i(2x/L) P_j(2y/W) over the active face, P orthonormal there, shape (k, c); 0 for the wrong symmetry."""
+    """Project modes on the active face: c_ij = int u_z P_i(2x/L) P_j(2y/W), P orthonormal there.
+
+    Parameters
+    ----------
+    touch : TouchField
+        Points, weights and modes.
+    design : Design
+        The plate with its zone.
+    symmetry : str or None
+        Symmetry class of a halved model; None for a whole plate.
+
+    Returns
+    -------
+    ndarray, shape (k, c)
+        Coefficients; 0 for polynomials of another symmetry.
+    """
     active = touch.is_active(design)
     points, values = touch.points[active], touch.values[active] * touch.weights[active, None]
     along = _orthonormal(points[:, 0], design.length_m, design.nodal_lines + ALONG)
@@ -65,13 +80,39 @@ def _orthonormal(at: FloatArray, edge: float, degree: int) -> FloatArray:
 
 
 def mac_matrix(first: FloatArray, second: FloatArray) -> FloatArray:
-    """MAC of every pair of coefficient rows (k, c) and (l, c), shape (k, l)."""
+    """Compute the modal assurance criterion of every pair of modes from their coefficients.
+
+    Parameters
+    ----------
+    first : ndarray, shape (k, c)
+        Modes of one plate.
+    second : ndarray, shape (l, c)
+        Modes of another plate.
+
+    Returns
+    -------
+    ndarray, shape (k, l)
+        From 0 to 1.
+    """
     own = np.outer((first**2).sum(axis=1), (second**2).sum(axis=1))
     return np.asarray((first @ second.T) ** 2 / np.maximum(own, 1e-300))
 
 
 def step(first: Shapes, second: Shapes, row: int) -> Step:
-    """Follow one mode of the first plate into the second."""
+    """Follow one mode of the first plate into the second by the assignment of largest total score.
+
+    Parameters
+    ----------
+    first, second : Shapes
+        Modes of both plates.
+    row : int
+        The mode of the first plate.
+
+    Returns
+    -------
+    Step
+        Its row in the second plate or None, their MAC, and that of the strongest rival.
+    """
     from scipy.optimize import linear_sum_assignment  # a third of a second that readers of records need not wait for
 
     if not len(second.frequency_hz):
@@ -90,7 +131,20 @@ def step(first: Shapes, second: Shapes, row: int) -> Step:
 
 
 def follow(plates: Sequence[Shapes], row: int) -> list[Step]:
-    """A mode of the first plate through all others, each compared with the one before; it ends where it is lost."""
+    """Follow a mode of the first plate through all others, each compared with the one before.
+
+    Parameters
+    ----------
+    plates : sequence of Shapes
+        Modes of every plate.
+    row : int
+        The mode of the first plate.
+
+    Returns
+    -------
+    list of Step
+        One per further plate; it ends where the mode is lost.
+    """
     steps: list[Step] = []
     for before, after in pairwise(plates):
         steps.append(step(before, after, row))
@@ -137,7 +191,25 @@ class FieldMeasures:
 
 
 def weigh(points_m: FloatArray, design: Design) -> Weights:
-    """Area weights of points (n, 2) on the touch face. SolverError when none lies on the active part."""
+    """Assign an area to every point of a map on the touch face.
+
+    Parameters
+    ----------
+    points_m : ndarray, shape (n, 2)
+        Measured points from the plate's centre.
+    design : Design
+        The plate with its zone.
+
+    Returns
+    -------
+    Weights
+        Points used, their areas in m^2, and the fractions of both faces that they cover.
+
+    Raises
+    ------
+    SolverError
+        If no point lies on the active face.
+    """
     half_x, border, half_y = design.length_m / 2.0, design.width_m / 2.0, design.half_span_m
     active: list[Rectangle] = [((-half_x, -border), (half_x, border))]
     passive: list[Rectangle] = []
@@ -196,10 +268,22 @@ def _spacing(points: FloatArray, axis: int, width: float) -> float:
 
 
 def voronoi_areas(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Areas (n,) in m2 of the Voronoi cells of distinct points inside the rectangle from low to high, cut at its edges.
+    """Compute the areas of the Voronoi cells of distinct points inside a rectangle, cut at its edges.
 
-    No point lies on an edge. The points' images in the four edges cut the cells there; a cell is the fan of triangles
+    No point lies on an edge. The images of the points in the four edges cut the cells there; a cell is the fan of triangles
     over its ridges.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        In m.
+    low, high : ndarray, shape (2,)
+        Opposite corners of the rectangle, in m.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In m^2.
     """
     images = [points]
     for axis in (0, 1):
@@ -223,7 +307,22 @@ def voronoi_areas(points: FloatArray, low: FloatArray, high: FloatArray) -> Floa
 
 
 def confinement_of(weights: Weights, values: ComplexArray, design: Design) -> FieldMeasures:
-    """Share, confinement and modal assurance of a complex field (n,) by the definitions of `solvers.measures.confinement`."""
+    """Measure zone share, confinement and modal assurance of a measured field, as `solvers.measures.confinement` defines them.
+
+    Parameters
+    ----------
+    weights : Weights
+        Points of the field and their areas.
+    values : ndarray, shape (n,)
+        Complex u_z in any one unit.
+    design : Design
+        The plate with its zone.
+
+    Returns
+    -------
+    FieldMeasures
+        Share, level in dB and MAC; None where undefined.
+    """
     field = values[weights.index]
     both = TouchField(
         np.tile(weights.points, (BOTH, 1)),
@@ -245,13 +344,45 @@ def _finite(value: float) -> float | None:
 
 
 def assurance(area_m2: FloatArray, first: ComplexArray, second: ComplexArray) -> float:
-    """|<a, b>|^2 / (<a, a> <b, b>), <a, b> = sum of area conj(a) b; 0 where a field vanishes (allemang2003)."""
+    """Compute |<a, b>|^2 / (<a, a> <b, b>) with <a, b> = sum of area conj(a) b.
+
+    Parameters
+    ----------
+    area_m2 : ndarray, shape (n,)
+        Areas of the points.
+    first, second : ndarray, shape (n,)
+        Complex fields.
+
+    Returns
+    -------
+    float
+        From 0 to 1 (dimensionless); 0 where a field vanishes.
+
+    References
+    ----------
+    .. [1] allemang2003 (docs/references.bib)
+    """
     own = float(area_m2 @ np.abs(first) ** 2) * float(area_m2 @ np.abs(second) ** 2)
     return float(abs((area_m2 * first.conj()) @ second) ** 2 / own) if own > 0.0 else 0.0
 
 
 def sampled(points_m: FloatArray, values: ComplexArray, at_m: FloatArray) -> ComplexArray:
-    """A field known at many points (q, 2), read at others (n, 2): linear between its points, the nearest one beyond them."""
+    """Interpolate a field linearly between its points, and take the nearest value beyond them.
+
+    Parameters
+    ----------
+    points_m : ndarray, shape (q, 2)
+        Points of the field.
+    values : ndarray, shape (q,)
+        Complex values there.
+    at_m : ndarray, shape (n, 2)
+        Points to interpolate at.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Complex values.
+    """
     size = float(np.ptp(points_m, axis=0).max())
     _, once = np.unique(np.round(points_m / (1e-9 * size)).astype(np.int64), axis=0, return_index=True)
     points, values = points_m[once], values[once]

@@ -62,9 +62,24 @@ class ModalTable:
 
 
 def receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """1/(omega_m^2 - omega^2 + i omega omega_m/Q_m), s2, shape (m,).
+    """Compute 1/(omega_m^2 - omega^2 + i omega omega_m/Q_m) of every mode.
 
-    Raises SolverError for a frequency that is not above 0, and on the very frequency of a mode without loss.
+    Parameters
+    ----------
+    table : ModalTable
+        Modes of 1 kg.
+    frequency_hz : float
+        Frequency of the drive.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        In s^2.
+
+    Raises
+    ------
+    SolverError
+        For a frequency that is not above 0, or that of a mode without loss.
     """
     check_above_zero("frequency in Hz", frequency_hz)
     omega = 2.0 * pi * frequency_hz
@@ -79,18 +94,72 @@ def receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
 
 
 def modal_drive(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Modal coordinates per volt, shape (m, a); errors as receptance."""
+    """Compute the modal coordinates per volt.
+
+    Parameters
+    ----------
+    table : ModalTable
+        Modes and actuators.
+    frequency_hz : float
+        Frequency of the drive.
+
+    Returns
+    -------
+    ndarray, shape (m, a)
+        In sqrt(kg) m/V.
+
+    Raises
+    ------
+    SolverError
+        As `receptance`.
+    """
     return np.asarray(receptance(table, frequency_hz)[:, None] * table.actuators)
 
 
 def sensor_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """T(omega): signals per volt, shape (s, a); errors as receptance."""
+    """Compute T(omega), the sensors' signals per volt.
+
+    Parameters
+    ----------
+    table : ModalTable
+        Modes, actuators and sensors.
+    frequency_hz : float
+        Frequency of the drive.
+
+    Returns
+    -------
+    ndarray, shape (s, a)
+        In the sensors' unit per volt.
+
+    Raises
+    ------
+    SolverError
+        As `receptance`.
+    """
     modal: ComplexArray = table.sensors.T @ modal_drive(table, frequency_hz)
     return modal if table.sensor_residual is None else modal + table.sensor_residual
 
 
 def field_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Displacement at the points per volt, m/V, shape (p, a); errors as receptance."""
+    """Compute the displacement at the points per volt.
+
+    Parameters
+    ----------
+    table : ModalTable
+        Modes, actuators and points.
+    frequency_hz : float
+        Frequency of the drive.
+
+    Returns
+    -------
+    ndarray, shape (p, a)
+        In m/V.
+
+    Raises
+    ------
+    SolverError
+        As `receptance`.
+    """
     modal: ComplexArray = table.field.T @ modal_drive(table, frequency_hz)
     return modal if table.field_residual is None else modal + table.field_residual
 
@@ -147,7 +216,23 @@ class Conditioning:
 
 
 def orthogonality(matrix: ComplexArray) -> FloatArray:
-    """ORT, shape (s, s), from T (s, a); no scaling of a row changes it. SolverError for a row of zeros."""
+    """Compute |cos| of the angle between every pair of sensors' rows, which the scaling of a row does not change.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (s, a)
+        T.
+
+    Returns
+    -------
+    ndarray, shape (s, s)
+        ORT, from 0 to 1.
+
+    Raises
+    ------
+    SolverError
+        For a row of zeros.
+    """
     matrix = np.asarray(matrix, dtype=complex)
     size = np.linalg.norm(matrix, axis=1)
     largest = float(size.max(initial=0.0))
@@ -162,7 +247,23 @@ def orthogonality(matrix: ComplexArray) -> FloatArray:
 
 
 def coupling_index(matrix: ComplexArray) -> float:
-    """||I - ORT||_2/(N - 1), 0 (orthogonal rows) to 1 (all parallel); SolverError below two rows or for an undriven row."""
+    """Compute ||I - ORT||_2/(N - 1): 0 for orthogonal rows, 1 for parallel ones.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (s, a)
+        T.
+
+    Returns
+    -------
+    float
+        Dimensionless.
+
+    Raises
+    ------
+    SolverError
+        For fewer than two rows, or a row of zeros.
+    """
     if len(matrix) < 2:
         raise SolverError("the coupling index compares sensors: it needs two or more")
     modal_overlap = orthogonality(matrix)
@@ -170,7 +271,23 @@ def coupling_index(matrix: ComplexArray) -> float:
 
 
 def conditioning(matrix: ComplexArray) -> Conditioning:
-    """Condition number and coupling index of T; errors as coupling_index."""
+    """Compute the condition number and the coupling index of T.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (s, a)
+        T.
+
+    Returns
+    -------
+    Conditioning
+        Both, dimensionless.
+
+    Raises
+    ------
+    SolverError
+        As `coupling_index`.
+    """
     singular = np.linalg.svd(matrix, compute_uv=False)
     coupling = coupling_index(matrix)
     return Conditioning(float(singular[0] / singular[-1]) if singular[-1] > 0.0 else np.inf, coupling)
@@ -186,7 +303,25 @@ class Scan:
 
 
 def scan(matrix_at: Callable[[float], ComplexArray], frequencies_hz: FloatArray) -> Scan:
-    """Conditioning of T, given as a function of the frequency in Hz, at each frequency; errors as its and coupling_index."""
+    """Compute the conditioning of T at each frequency.
+
+    Parameters
+    ----------
+    matrix_at : callable
+        T (s, a) at a frequency in Hz.
+    frequencies_hz : ndarray, shape (n,)
+        The frequencies.
+
+    Returns
+    -------
+    Scan
+        Condition number and coupling index, (n,) each.
+
+    Raises
+    ------
+    SolverError
+        As `coupling_index`.
+    """
     couplings = [conditioning(matrix_at(float(f))) for f in frequencies_hz]
     return Scan(
         np.asarray(frequencies_hz, dtype=float),
@@ -196,9 +331,24 @@ def scan(matrix_at: Callable[[float], ComplexArray], frequencies_hz: FloatArray)
 
 
 def operating_frequencies(of: Scan, count: int = 3) -> FloatArray:
-    """The best frequencies to invert T at, Hz: least condition numbers among the local minima of a scan, best first.
+    """Choose the best frequencies at which to invert T: the smallest condition numbers among the local minima of a scan.
 
-    SolverError when the scan has none between its ends.
+    Parameters
+    ----------
+    of : Scan
+        Condition numbers over frequency.
+    count : int, optional
+        Largest number of frequencies.
+
+    Returns
+    -------
+    ndarray, shape (count or fewer,)
+        In Hz, best first.
+
+    Raises
+    ------
+    SolverError
+        If the scan has no minimum between its ends.
     """
     inner = of.condition[1:-1]
     lows = 1 + np.flatnonzero((inner < of.condition[:-2]) & (inner <= of.condition[2:]))
@@ -219,10 +369,22 @@ NODE = 0.05  # of the largest amplitude: a sensor below it stands too near a nod
 
 
 def calibrate(displacement: ComplexArray, voltage: ComplexArray) -> ComplexArray:
-    """c of each sensor (s,), m/V, from displacement and voltage (n, s) at n amplitudes of one standing wave.
+    """Calibrate sensors by the amplitudes of one standing wave: c = sum conj(V) w/sum |V|^2.
 
-    c = sum conj(V) w/sum |V|^2 over the amplitudes. SolverError below two amplitudes, for shapes that differ, and for a sensor
-    that stands on a node of the wave.
+    Parameters
+    ----------
+    displacement, voltage : ndarray, shape (n, s)
+        Complex readings at n amplitudes, in m and V.
+
+    Returns
+    -------
+    ndarray, shape (s,)
+        In m/V.
+
+    Raises
+    ------
+    SolverError
+        For fewer than two amplitudes, unequal shapes, or a sensor on a node of the wave.
     """
     w, v = displacement, voltage
     if w.ndim != 2 or w.shape != v.shape or not w.size:
@@ -237,7 +399,18 @@ def calibrate(displacement: ComplexArray, voltage: ComplexArray) -> ComplexArray
 
 
 def common_phase(factor: ComplexArray) -> float:
-    """Common phase of the sensors' factors (the delay of the measuring chain), rad."""
+    """Compute the common phase of the sensors' factors, which is the delay of the measuring chain.
+
+    Parameters
+    ----------
+    factor : ndarray, shape (s,)
+        Complex factors.
+
+    Returns
+    -------
+    float
+        In rad.
+    """
     return float(np.angle(np.sum(factor / np.abs(factor))))
 
 

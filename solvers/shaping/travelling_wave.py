@@ -24,15 +24,54 @@ MIN_COUNT = 8  # points for a two-wave fit
 
 
 def wave_target(places_m: FloatArray, wavelength_m: float) -> ComplexArray:
-    """e^{-2 pi i x/lambda} at the sensors, shape (s,): equal amplitudes, phases by place. SolverError for lambda <= 0."""
+    """Compute e^{-2 pi i x/lambda} at the sensors: equal amplitudes, phases by place.
+
+    Parameters
+    ----------
+    places_m : ndarray, shape (s,)
+        Places of the sensors.
+    wavelength_m : float
+        lambda.
+
+    Returns
+    -------
+    ndarray, shape (s,)
+        Target phasors.
+
+    Raises
+    ------
+    SolverError
+        If the wavelength is not above 0.
+    """
     check_above_zero("wavelength in m", wavelength_m)
     return np.asarray(np.exp(-2j * pi * np.asarray(places_m) / wavelength_m))
 
 
 def free_wavelength_m(frequency_hz: float, bending_n_m2: float, mass_kg_m: float) -> float:
-    """lambda = 2 pi c/omega of a free flexural wave, c = sqrt(omega) (EI/rho A)^(1/4) its phase velocity, m.
+    """Compute the wavelength 2 pi c/omega of a free flexural wave, c = sqrt(omega) (EI/rho A)^(1/4) its phase velocity.
 
-    Source: graff1975. SolverError for a frequency that is not above 0.
+    Parameters
+    ----------
+    frequency_hz : float
+        Frequency of the wave.
+    bending_n_m2 : float
+        EI, in N m^2.
+    mass_kg_m : float
+        rho A, in kg/m.
+
+    Returns
+    -------
+    float
+        In m.
+
+    Raises
+    ------
+    SolverError
+        If the frequency is not above 0.
+
+    References
+    ----------
+    .. [1] graff1975 (docs/references.bib)
     """
     check_above_zero("frequency in Hz", frequency_hz)
     omega = 2.0 * pi * frequency_hz
@@ -40,7 +79,23 @@ def free_wavelength_m(frequency_hz: float, bending_n_m2: float, mass_kg_m: float
 
 
 def travelling_wave_ratio(displacement: ComplexArray) -> float:
-    """TWR = 1 - SWR of |w| over points that leave the near field out. SolverError for a field of zeros."""
+    """Compute TWR = 1 - SWR of |w| over points outside the near field.
+
+    Parameters
+    ----------
+    displacement : ndarray, shape (p,)
+        Complex displacement in any unit.
+
+    Returns
+    -------
+    float
+        From 0 (standing) to 1 (travelling), dimensionless.
+
+    Raises
+    ------
+    SolverError
+        For a field of zeros.
+    """
     size = np.abs(displacement)
     if not size.size or size.max() == 0.0:
         raise SolverError("the field is zero everywhere: it has no standing-wave ratio")
@@ -48,17 +103,57 @@ def travelling_wave_ratio(displacement: ComplexArray) -> float:
 
 
 def forward_energy_share(ratio: float) -> float:
-    """Share of the two waves' energy that the forward one carries for a TWR, 1/(1 + (1 - TWR)^2)."""
+    """Compute the forward wave's share of the energy of both waves, 1/(1 + (1 - TWR)^2).
+
+    Parameters
+    ----------
+    ratio : float
+        TWR, dimensionless.
+
+    Returns
+    -------
+    float
+        Dimensionless.
+    """
     return 1.0 / (1.0 + (1.0 - ratio) ** 2)
 
 
 def net_flux_share(ratio: float) -> float:
-    """Net energy flux over the forward wave's for a TWR, 1 - (1 - TWR)^2."""
+    """Compute the net energy flux relative to the forward wave's, 1 - (1 - TWR)^2.
+
+    Parameters
+    ----------
+    ratio : float
+        TWR, dimensionless.
+
+    Returns
+    -------
+    float
+        Dimensionless.
+    """
     return 1.0 - (1.0 - ratio) ** 2
 
 
 def inner_window(points_m: FloatArray, low_m: float, high_m: float) -> BoolArray:
-    """Points with low <= x <= high, shape (p,): the stretch clear of the ends' near fields. SolverError when it holds none."""
+    """Find the points on the stretch low <= x <= high, outside the near fields of the ends.
+
+    Parameters
+    ----------
+    points_m : ndarray, shape (p,) or (p, d)
+        Points; x comes first.
+    low_m, high_m : float
+        Ends of the stretch.
+
+    Returns
+    -------
+    ndarray of bool, shape (p,)
+        True inside.
+
+    Raises
+    ------
+    SolverError
+        If it holds fewer than two points.
+    """
     x = np.asarray(points_m).reshape(len(points_m), -1)[:, 0]
     inside = (x >= low_m) & (x <= high_m)
     if inside.sum() < 2:
@@ -83,9 +178,28 @@ class TwoWaves:
 
 
 def two_wave_fit(x_m: FloatArray, displacement: ComplexArray, guess: float) -> TwoWaves:
-    """Both waves and their wavenumber by least squares, searched within a factor 1.5 of a guess (rad/m).
+    """Fit both waves and their wavenumber by least squares, within a factor of 1.5 of a guess.
 
-    What does not fit (near fields of ends and patches) is left in `rest`. SolverError below 8 points or for zeros.
+    The near fields of ends and patches remain in `rest`.
+
+    Parameters
+    ----------
+    x_m : ndarray, shape (p,)
+        Places.
+    displacement : ndarray, shape (p,)
+        Complex displacement in any unit.
+    guess : float
+        Wavenumber, in rad/m.
+
+    Returns
+    -------
+    TwoWaves
+        Amplitudes of both waves, wavenumber and relative residual.
+
+    Raises
+    ------
+    SolverError
+        For fewer than 8 points, or a field of zeros.
     """
     if len(x_m) < MIN_COUNT or not np.abs(displacement).any():
         raise SolverError(f"a two-wave fit needs {MIN_COUNT} points of a field that is not zero, {len(x_m)} came")
@@ -105,10 +219,26 @@ def two_wave_fit(x_m: FloatArray, displacement: ComplexArray, guess: float) -> T
 
 
 def best_travelling_drive(field: ComplexArray, x_m: FloatArray, guess: float) -> tuple[ComplexArray, float]:
-    """Voltages (a,) of the largest TWR found over points x (p,) with amplitude and phase of every actuator free, and that TWR.
+    """Search for the voltages of the largest TWR, with amplitude and phase of every actuator free.
 
-    field (p, a): displacement per volt. Starts from the least-squares waves e^{-ikx} around a guess of k, then raises the
-    smallest amplitude while the largest stays 1. Not convex: the value found is attained, but a larger one cannot be excluded.
+    The search starts from least-squares fits of waves e^{-ikx} around a guess of k, then raises the smallest amplitude while
+    the largest stays 1. The problem is not convex: the value is attained, but a larger one cannot be excluded.
+
+    Parameters
+    ----------
+    field : ndarray, shape (p, a)
+        Displacement per volt.
+    x_m : ndarray, shape (p,)
+        Places.
+    guess : float
+        Wavenumber k, in rad/m.
+
+    Returns
+    -------
+    voltages : ndarray, shape (a,)
+        Complex voltages, scaled.
+    ratio : float
+        Their TWR, dimensionless.
     """
     scaled = field / np.abs(field).max()
     starts = []
@@ -156,10 +286,29 @@ def _raised(field: ComplexArray, start: ComplexArray) -> ComplexArray:
 
 
 def hold_modes(table: ModalTable, frequency_hz: float, held: dict[int, complex], others: float = 1.0) -> Drive:
-    """Voltages that give modal coordinates {mode: amplitude} and keep the rest small: least squares over all modes.
+    """Find the voltages that give modal coordinates and keep those of all other modes small, by least squares.
 
-    others: weight of the modes not named, against 1 for those that are; 0 leaves them free. Raises SolverError for a mode that
-    is not in the table, a mode no actuator reaches, others < 0; as drive_voltages and receptance.
+    Parameters
+    ----------
+    table : ModalTable
+        Modes and actuators.
+    frequency_hz : float
+        Frequency of the drive.
+    held : dict of int to complex
+        Amplitude of each held mode, in sqrt(kg) m.
+    others : float, optional
+        Weight of the other modes relative to 1; 0 leaves them free.
+
+    Returns
+    -------
+    Drive
+        Voltages and relative residual.
+
+    Raises
+    ------
+    SolverError
+        For an unknown mode, a mode that no actuator drives, or a negative weight; as `drive_voltages` and
+        `receptance`.
     """
     count = table.frequencies_hz.size
     for mode in held:
@@ -197,11 +346,30 @@ class ModePair:
 
 
 def travelling_pair(table: ModalTable, modes: tuple[int, int], inside: BoolArray, others: float = 1.0) -> ModePair:
-    """Hold two modes 90 degrees apart with equal rms over `inside`, points (p,) along a line of the zone.
+    """Hold two modes 90 degrees apart with equal rms over points along a line of the zone.
 
-    The frequency is half-way between the two (geometric mean); the pure sum of the two runs towards +x.
+    The frequency is the geometric mean of both; the pure sum of the two runs towards +x.
 
-    SolverError for the same mode twice, fewer than 8 points inside, a mode with no motion there; as hold_modes.
+    Parameters
+    ----------
+    table : ModalTable
+        Modes, actuators and points.
+    modes : tuple of int
+        Numbers of the two modes.
+    inside : ndarray of bool, shape (p,)
+        Points along the line.
+    others : float, optional
+        Weight of the other modes relative to 1.
+
+    Returns
+    -------
+    ModePair
+        Drive, field, TWR and wavenumber.
+
+    Raises
+    ------
+    SolverError
+        For the same mode twice, fewer than 8 points inside, or a mode without motion there; as `hold_modes`.
     """
     first, second = modes
     if first == second:

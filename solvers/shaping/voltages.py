@@ -116,10 +116,26 @@ class Confined:
 
 
 def drive_voltages(matrix: ComplexArray, target: ComplexArray, limit_v: float = np.inf) -> Drive:
-    """Voltages for a target W (s,), from T (s, a).
+    """Find the voltages for a target motion: least squares with more sensors than actuators, else the smallest voltages.
 
-    More sensors than actuators: least squares; fewer: the smallest voltages. Raises SolverError for a singular T, a target of
-    zeros or of another length, a limit that is not above 0.
+    Parameters
+    ----------
+    matrix : ndarray, shape (s, a)
+        T, signals per volt.
+    target : ndarray, shape (s,)
+        W, in the sensors' unit.
+    limit_v : float, optional
+        Largest voltage.
+
+    Returns
+    -------
+    Drive
+        Voltages in V and relative residual.
+
+    Raises
+    ------
+    SolverError
+        For a singular T, a target of zeros or of another length, or a limit that is not above 0.
     """
     matrix, target = np.asarray(matrix, dtype=complex), np.asarray(target, dtype=complex)
     _check(matrix, target, limit_v)
@@ -132,10 +148,24 @@ def drive_voltages(matrix: ComplexArray, target: ComplexArray, limit_v: float = 
 
 
 def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float) -> LowPass:
-    """L and R of a maximally flat filter, sqrt(L/C)/R = sqrt(1/2), whose corner lies half-way (geometrically) between the
-    highest operating and the PWM frequency.
+    """Size a maximally flat low-pass, sqrt(L/C)/R = sqrt(1/2), with its corner at the geometric mean of both frequencies.
 
-    SolverError unless 0 < highest_hz < pwm_hz and the capacitance is above 0.
+    Parameters
+    ----------
+    capacitance_f : float
+        Capacitance of the patch, in F (farads): a number above 0.
+    highest_hz, pwm_hz : float
+        Highest operating frequency and PWM frequency.
+
+    Returns
+    -------
+    LowPass
+        L in H, R in ohm and C in F.
+
+    Raises
+    ------
+    SolverError
+        Unless 0 < highest_hz < pwm_hz and the capacitance is above 0.
     """
     if not 0.0 < highest_hz < pwm_hz:
         raise SolverError(
@@ -148,7 +178,29 @@ def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float) -> LowPas
 
 
 def monte_carlo(matrix: ComplexArray, target: ComplexArray, errors: Errors) -> tuple[ComplexArray, FloatArray]:
-    """Voltages (n, a) of n seeded trials, and their errors |T V - W|/|W|, (n,); SolverError as drive_voltages."""
+    """Compute the voltages of seeded trials in which T is known with errors, and what they miss of the target.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (s, a)
+        True T, signals per volt.
+    target : ndarray, shape (s,)
+        W, in the sensors' unit.
+    errors : Errors
+        Number of trials, seed and sizes of the errors.
+
+    Returns
+    -------
+    voltages : ndarray, shape (n, a)
+        In V, one row per trial.
+    missed : ndarray, shape (n,)
+        |T V - W|/|W|.
+
+    Raises
+    ------
+    SolverError
+        As `drive_voltages`.
+    """
     random = np.random.default_rng(errors.seed)
     known = [_misjudged(np.asarray(matrix, dtype=complex), errors, random) for _ in range(errors.trials)]
     voltages = np.stack([drive_voltages(one, target).voltages for one in known])
@@ -157,18 +209,60 @@ def monte_carlo(matrix: ComplexArray, target: ComplexArray, errors: Errors) -> t
 
 
 def quantiles(values: FloatArray) -> dict[str, Any]:
-    """The 5, 50 and 95 % quantiles of trials."""
+    """Compute the 5, 50 and 95 % quantiles of trials.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Results of the trials.
+
+    Returns
+    -------
+    dict
+        "q05", "median" and "q95".
+    """
     low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
     return {"q05": float(low), "median": float(middle), "q95": float(high)}
 
 
 def unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
-    """Normally distributed phasors of rms 1."""
+    """Draw normally distributed phasors of rms 1.
+
+    Parameters
+    ----------
+    random : Generator
+        Source of random numbers.
+    shape : tuple of int
+        Shape of the result.
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Complex phasors.
+    """
     return np.asarray((random.standard_normal(shape) + 1j * random.standard_normal(shape)) / np.sqrt(2.0))
 
 
 def region_sensors(region: str, count: int) -> NDArray[np.intp]:
-    """Numbers of the sensors in a third of them along the line; SolverError for an unknown region or below 3 sensors."""
+    """List the sensors in one third of the line.
+
+    Parameters
+    ----------
+    region : str
+        One of REGIONS.
+    count : int
+        Number of sensors.
+
+    Returns
+    -------
+    ndarray of int, shape (about count / 3,)
+        Numbers of the sensors.
+
+    Raises
+    ------
+    SolverError
+        For an unknown region, or fewer than 3 sensors.
+    """
     if region not in REGIONS:
         raise SolverError(f"region {region!r}: must be one of {', '.join(REGIONS)}")
     if count < len(REGIONS):
@@ -177,7 +271,27 @@ def region_sensors(region: str, count: int) -> NDArray[np.intp]:
 
 
 def region_points(region: str, places_m: FloatArray, points_m: FloatArray) -> BoolArray:
-    """Points not farther from a sensor of the region than from any other one, shape (p,); errors as region_sensors."""
+    """Find the points nearest to a sensor of a region.
+
+    Parameters
+    ----------
+    region : str
+        One of REGIONS.
+    places_m : ndarray, shape (s,)
+        Places of the sensors.
+    points_m : ndarray, shape (p,) or (p, d)
+        Points; x comes first.
+
+    Returns
+    -------
+    ndarray of bool, shape (p,)
+        True where no sensor outside the region is nearer.
+
+    Raises
+    ------
+    SolverError
+        As `region_sensors`.
+    """
     places, x = np.asarray(places_m, dtype=float), np.asarray(points_m).reshape(len(points_m), -1)[:, 0]
     chosen, away = region_sensors(region, len(places)), np.abs(x[:, None] - places)
     rounding = 1e-9 * float(np.ptp(x))
@@ -185,16 +299,51 @@ def region_points(region: str, places_m: FloatArray, points_m: FloatArray) -> Bo
 
 
 def region_target(region: str, count: int, alternate: bool = False) -> ComplexArray:
-    """Signals 1 (or +1, -1, ... when alternate) inside, 0 outside, shape (s,); errors as region_sensors."""
+    """Set signals 1 inside a region and 0 outside.
+
+    Parameters
+    ----------
+    region : str
+        One of REGIONS.
+    count : int
+        Number of sensors.
+    alternate : bool, optional
+        Alternate the sign inside, +1, -1 and so on.
+
+    Returns
+    -------
+    ndarray, shape (s,)
+        Complex signals.
+
+    Raises
+    ------
+    SolverError
+        As `region_sensors`.
+    """
     target, inside = np.zeros(count, dtype=complex), region_sensors(region, count)
     target[inside] = (-1.0) ** np.arange(len(inside)) if alternate else 1.0
     return target
 
 
 def contrast(displacement: ComplexArray, inside: BoolArray) -> Contrast:
-    """Ratios of a field (p,) over points that stand for equal lengths.
+    """Compute the ratios of a field inside to outside, over points that stand for equal lengths.
 
-    SolverError when a side has no point or nothing moves outside and inside.
+    Parameters
+    ----------
+    displacement : ndarray, shape (p,)
+        Complex displacement in any unit.
+    inside : ndarray of bool, shape (p,)
+        Points of the region.
+
+    Returns
+    -------
+    Contrast
+        Ratios of the largest values and of the rms.
+
+    Raises
+    ------
+    SolverError
+        If a side has no point, or the field is zero.
     """
     _check_sides(inside)
     size = np.abs(displacement)
@@ -207,9 +356,24 @@ def contrast(displacement: ComplexArray, inside: BoolArray) -> Contrast:
 
 
 def best_contrast(field: ComplexArray, inside: BoolArray) -> ComplexArray:
-    """Voltages (a,) of the largest contrast for a field (p, a) per volt, largest voltage 1 V.
+    """Find the voltages of the largest contrast.
 
-    SolverError when a side has no point, or the outside cannot resist (fewer points than actuators).
+    Parameters
+    ----------
+    field : ndarray, shape (p, a)
+        Displacement per volt.
+    inside : ndarray of bool, shape (p,)
+        Points of the region.
+
+    Returns
+    -------
+    ndarray, shape (a,)
+        In V, the largest of size 1.
+
+    Raises
+    ------
+    SolverError
+        If a side has no point, or some voltages move nothing outside (fewer points than actuators).
     """
     _check_sides(inside)
     gram_in, gram_out = (field[side].conj().T @ field[side] / len(field[side]) for side in (inside, ~inside))
@@ -223,10 +387,28 @@ def best_contrast(field: ComplexArray, inside: BoolArray) -> ComplexArray:
 def attach_oscillators(
     table: ModalTable, points: NDArray[np.intp], mass_kg: float, frequency_hz: float, quality_factor: float
 ) -> ModalTable:
-    """The structure with equal mass-spring oscillators at some of its points; modes of both, residuals as they were.
+    """Join equal mass-spring oscillators to a structure at some of its points; the residuals stay.
 
-    The loss of a joined mode is its share of strain energy over each part's quality factor. SolverError for no point, a point
-    that is not in the table, or a mass, frequency or quality factor that is not above 0.
+    The loss of a joined mode is its strain energy in each part divided by the part's quality factor.
+
+    Parameters
+    ----------
+    table : ModalTable
+        Modes of the structure.
+    points : ndarray of int, shape (n,)
+        Numbers of the points.
+    mass_kg, frequency_hz, quality_factor : float
+        Of each oscillator; the quality factor is dimensionless.
+
+    Returns
+    -------
+    ModalTable
+        Modes of both.
+
+    Raises
+    ------
+    SolverError
+        For no point or an unknown one, or a value that is not above 0.
     """
     chosen = np.asarray(points, dtype=int)
     if not chosen.size or chosen.min() < 0 or chosen.max() >= len(table.points_m):
@@ -255,9 +437,28 @@ def attach_oscillators(
 
 
 def confinement(table: ModalTable, frequency_hz: float, inside: BoolArray, driver: int) -> Confined:
-    """Confinement to the points inside (p,) by one actuator and by all; errors as best_contrast and receptance.
+    """Compute the confinement to a region by one actuator and by all.
 
-    SolverError for a driver that is not in the table.
+    Parameters
+    ----------
+    table : ModalTable
+        Modes, actuators and points.
+    frequency_hz : float
+        Frequency of the drive.
+    inside : ndarray of bool, shape (p,)
+        Points of the region.
+    driver : int
+        Number of the single actuator.
+
+    Returns
+    -------
+    Confined
+        Levels of both in dB, and the voltages of all.
+
+    Raises
+    ------
+    SolverError
+        For an unknown driver; as `best_contrast` and `receptance`.
     """
     if not 0 <= driver < table.actuator_count:
         raise SolverError(f"driver {driver}: must be from 0 to {table.actuator_count - 1}")

@@ -29,7 +29,8 @@ UNIT_NAME = re.compile(
 UNIT = re.compile(
     r"\b(metres?|mm|µm|um|m|m\^?[234]|Hz|kHz|rad(/[sm])?|radians?|Pa|GPa|kg(/\w+)?|s|seconds?|N(/\w+)?|V|volts?|dB|degrees?"
     r"|bytes|GiB|dimensionless|relative(ly)?|ratios?|fractions?|factors?|shares?|scaled|normalised|pixels?|counts?|numbers?)\b"
-    r"|[Uu]nits?\b|\b(per|times)\b|1/\w|%|/m|\d"
+    r"|units?\b|\b(per|times)\b|1/\w|%|/m|\d",
+    re.IGNORECASE,
 )
 NUMBER, ARRAY = re.compile(r"\b(float|complex)\b"), re.compile(r"array", re.IGNORECASE)
 SHAPE = re.compile(r"\(\s*[\w.+*/ ]+,|shape|\bscalar\b")
