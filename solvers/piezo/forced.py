@@ -402,14 +402,40 @@ class ForcedPlate:
 
 
 def in_phase_signs(gain: FloatArray, drivers: list[int]) -> FloatArray:
-    """Signs (patches,) with which loads `gain` on a mode add up, 1 for the first driver that counts."""
+    """Choose the signs with which loads on a mode add up, 1 for the first driver that counts.
+
+    Parameters
+    ----------
+    gain : ndarray, shape (patches,)
+        Loads on the mode.
+    drivers : list of int
+        Numbers of the drivers.
+
+    Returns
+    -------
+    ndarray, shape (patches,)
+        +1 or -1.
+    """
     strong = [index for index in drivers if abs(gain[index]) > COUNTS * np.abs(gain).max(initial=0.0)]
     turn = -1.0 if strong and gain[strong[0]] < 0.0 else 1.0
     return np.where(turn * gain < 0.0, -1.0, 1.0)
 
 
 def quadratic(gram: FloatArray, amplitudes: ComplexArray) -> FloatArray:
-    """a^H G a for each column (n, columns), (columns,); rounding below zero counts as zero."""
+    """Compute a^H G a for each column; rounding below zero counts as zero.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (n, n)
+        Symmetric G.
+    amplitudes : ndarray, shape (n, columns)
+        a.
+
+    Returns
+    -------
+    ndarray, shape (columns,)
+        At least 0.
+    """
     parts = [np.einsum("nf,nf->f", part, gram @ part) for part in (amplitudes.real, amplitudes.imag)]
     return np.asarray(np.maximum(parts[0] + parts[1], 0.0))
 
@@ -417,7 +443,22 @@ def quadratic(gram: FloatArray, amplitudes: ComplexArray) -> FloatArray:
 def rms(
     zone_m4: FloatArray, passive_m4: FloatArray, areas_m2: tuple[float, float | None]
 ) -> tuple[FloatArray, FloatArray | None]:
-    """rms |u_z| from the integrals of |u_z|^2 over the active and the passive touch face; None without a passive face."""
+    """Compute rms |u_z| on the active and on the passive touch face.
+
+    Parameters
+    ----------
+    zone_m4, passive_m4 : ndarray, shape (n,)
+        Integrals of |u_z|^2 over both, in m^4.
+    areas_m2 : tuple of float
+        Their areas; None for the second without a passive face.
+
+    Returns
+    -------
+    zone : ndarray, shape (n,)
+        In m.
+    passive : ndarray, shape (n,), or None
+        In m; None without a passive face.
+    """
     active, passive = areas_m2
     return np.sqrt(zone_m4 / active), None if passive is None else np.sqrt(passive_m4 / passive)
 
@@ -433,9 +474,23 @@ class Touched:
 
 
 def touched(group: Group, motions: FloatArray, design: Design) -> Touched:
-    """Measures of motions (dof, k) of a group on the touch face, one class's field after the other.
+    """Measure motions of a group on the touch face, one class's field after the other.
 
-    Classes that the patches couple move together: the target class alone has a part in the shape, all have one in the rest.
+    Classes that the patches couple move together: only the target class contributes to the target shape, all to the rest.
+
+    Parameters
+    ----------
+    group : Group
+        The coupled classes.
+    motions : ndarray, shape (dof, k)
+        The motions.
+    design : Design
+        The plate with its zone.
+
+    Returns
+    -------
+    Touched
+        Integrals over both faces (k, k), and strengths (k,).
     """
     count = motions.shape[1]
     grams, strength = (np.zeros((count, count)), np.zeros((count, count))), np.zeros(count)
@@ -461,9 +516,23 @@ def _unfolded(points: FloatArray, values: ComplexArray, symmetry: str) -> tuple[
 def group_modes(
     group: Group, band_hz: tuple[float, float], margin: tuple[float, float], kept: Shared | None = None
 ) -> GroupModes:
-    """Modes of a group within the band widened by the margin, and its residual vectors about the band's middle.
+    """Compute the modes of a group within a band widened by a margin, and its residual vectors about the band's middle.
 
-    kept: takes counts and the residual vectors' factor for later solves of the group.
+    Parameters
+    ----------
+    group : Group
+        The coupled classes.
+    band_hz : tuple of float
+        Ends of the band, in Hz.
+    margin : tuple of float
+        Factors on both ends.
+    kept : Shared, optional
+        Receives counts and the factor for later solves of the group.
+
+    Returns
+    -------
+    GroupModes
+        Modes, residual vectors and their errors.
     """
     scale, shared = group.pencil.scale, kept or Shared(group.factorise)
     modes = modes_in_band(group.pencil, margin[0] * band_hz[0], margin[1] * band_hz[1], shared)
@@ -489,7 +558,28 @@ def group_modes(
 def residual_vectors(
     group: Group, factor: Factor, middle: float, modes: tuple[FloatArray, FloatArray], loads: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gains of loads (dof, l) on modes (eigenvalues, vectors), (modes, l); R and R1 of the loads about the middle, (dof, l)."""
+    """Compute the gains of loads on modes, and the residual vectors R and R1 of the loads about the middle.
+
+    Parameters
+    ----------
+    group : Group
+        The coupled classes.
+    factor : Factor
+        Of K - middle M.
+    middle : float
+        Scaled eigenvalue in the middle of the band.
+    modes : tuple of ndarray, shapes (modes,) and (dof, modes)
+        Scaled eigenvalues and M-orthonormal vectors.
+    loads : ndarray, shape (dof, l)
+        Scaled loads.
+
+    Returns
+    -------
+    gain : ndarray, shape (modes, l)
+        Of the loads on the modes.
+    residual, slope : ndarray, shape (dof, l)
+        R and R1.
+    """
     _, vectors = modes
     gain, answer = vectors.T @ loads, factor.solve(loads)
     residual = answer - vectors @ (vectors.T @ group.pencil.apply_mass(answer))

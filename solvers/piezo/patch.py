@@ -291,9 +291,29 @@ def bonded_patch(
     mesh: HexSettings | None = None,
     cache: PatchCache | None = None,
 ) -> BondedPatch:
-    """A patch with footprint box_m = (x0, x1, y0, y1), bonded below (on the plate's back) or above (on its touch face).
+    """Mesh and condense a patch that is bonded below (on the plate's back) or above (on its touch face).
 
-    Meshed by MESH unless given; computed unless this process or the cache holds an equal one.
+    It is computed unless this process or the cache holds an equal one.
+
+    Parameters
+    ----------
+    material : PiezoMaterial
+        Poled through the thickness.
+    box_m : ndarray, shape (4,)
+        Footprint x0, x1, y0, y1.
+    thickness_m : float
+        Thickness.
+    above : bool
+        On the touch face.
+    mesh : HexSettings, optional
+        Elements; MESH by default.
+    cache : PatchCache, optional
+        Folder of condensed patches.
+
+    Returns
+    -------
+    BondedPatch
+        Stiffness and mass at the bonded face, load and capacitance.
     """
     x0, x1, y0, y1 = (float(end) for end in box_m)
     size = round(x1 - x0, 12), round(y1 - y0, 12)
@@ -304,9 +324,27 @@ def bonded_patch(
 def with_potential(
     mesh: Mesh, material: PiezoMaterial, thickness_m: float
 ) -> tuple[sp.csr_array, sp.csr_array, FloatArray, float]:
-    """K_E and M, theta, C with the potential at nodes between the electrodes, (p,), after the motion of all nodes.
+    """Assemble the matrices of a patch with the potential at the nodes between its electrodes.
 
-    K is indefinite and M has nothing there. The potential is scaled, so that its own part is as large as K_E.
+    K is indefinite and M has nothing at the potential. It is scaled, so that its own part is as large as K_E.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Nodes in m.
+    material : PiezoMaterial
+        Poled along z.
+    thickness_m : float
+        Distance of the electrodes.
+
+    Returns
+    -------
+    stiffness, mass : sparse array, shape (3n + p, 3n + p)
+        In N/m and kg, motion of all nodes first.
+    theta : ndarray, shape (3n + p,)
+        Charge per displacement, in C/m.
+    capacitance : float
+        Clamped, in F (unit farad).
     """
     size = float(np.sqrt(material.stiffness_pa[2, 2] / material.permittivity_clamped_f_m[2, 2]))
     law = np.zeros((4, 3, 4, 3))  # of u_x, u_y, u_z and the potential: stresses and charges of their slopes
@@ -329,7 +367,22 @@ def with_potential(
 
 
 def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings:
-    """Elements of a patch on the rectangle box_m, as short as the target shape and the pillars beneath require."""
+    """Choose the elements of a patch, as short as the target shape and the pillars beneath require.
+
+    Parameters
+    ----------
+    design : Design
+        The plate, lengths in m.
+    tiling : Tiling
+        Its panels.
+    box_m : ndarray, shape (4,)
+        Footprint x0, x1, y0, y1.
+
+    Returns
+    -------
+    HexSettings
+        Order and size in m.
+    """
     size = design.line_spacing_m / WAVE
     if pillars_beneath(tiling, box_m):
         size = min(size, FOOT * min([design.thickness_m, *(pillar.footprint_m for pillar in design.kinds)]))
@@ -337,7 +390,20 @@ def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings
 
 
 def pillars_beneath(tiling: Tiling, box_m: FloatArray) -> list[tuple[int, int]]:
-    """Panels (i, j) with a pillar, on either side of the plate, that a rectangle x0, x1, y0, y1 in m overlaps."""
+    """List the panels with a pillar, on either side of the plate, that a rectangle overlaps.
+
+    Parameters
+    ----------
+    tiling : Tiling
+        The panels.
+    box_m : ndarray, shape (4,)
+        Rectangle x0, x1, y0, y1.
+
+    Returns
+    -------
+    list of (int, int)
+        Panels (i, j).
+    """
     x, y = (between(lines, ends, 0.0) for lines, ends in zip((tiling.x, tiling.y), box_m.reshape(2, 2), strict=True))
     return [(i, j) for i, j in tiling.feet if x[0] <= i <= x[1] and y[0] <= j <= y[1]]
 

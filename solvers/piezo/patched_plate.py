@@ -407,7 +407,24 @@ class ExtrapolatedModes:
 def gains_at(
     vectors: FloatArray, growth: FloatArray | None, loads: FloatArray, inertia: FloatArray | None
 ) -> FloatArray:
-    """Gains (k, patches) of loads on modes (dof, k); growth (k,): of their part by inertia."""
+    """Compute the gains of loads on modes.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape (dof, k)
+        M-orthonormal modes.
+    growth : ndarray, shape (k,), or None
+        Factor on the part by inertia.
+    loads : ndarray, shape (dof, patches)
+        Scaled loads.
+    inertia : ndarray, shape (dof, patches), or None
+        Their part by inertia.
+
+    Returns
+    -------
+    ndarray, shape (k, patches)
+        Scaled gains.
+    """
     gain = vectors.T @ loads
     if growth is None or inertia is None:
         return np.asarray(gain)
@@ -415,7 +432,18 @@ def gains_at(
 
 
 def joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | None:
-    """Mean error fractions of several patches, whose differences add to the uncertainty; None if one has none."""
+    """Average the error fractions of several patches; their differences add to the uncertainty.
+
+    Parameters
+    ----------
+    shares : sequence of ErrorFractions or None
+        One per patch.
+
+    Returns
+    -------
+    ErrorFractions or None
+        None if one has none.
+    """
     known = [each for each in shares if each is not None]
     if not known or len(known) < len(shares):
         return None
@@ -424,7 +452,18 @@ def joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | No
 
 
 def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
-    """Symmetry classes that stay apart: along an axis about which the set of patches is its own mirror image."""
+    """Group the symmetry classes that patches couple: classes stay apart along an axis about which the patches are mirrored.
+
+    Parameters
+    ----------
+    patches : sequence of BondedPatch
+        All patches.
+
+    Returns
+    -------
+    list of list of str
+        One list per group.
+    """
     low = np.array([patch.points.min(axis=0) for patch in patches])
     high = np.array([patch.points.max(axis=0) for patch in patches])
     even = mirrored_axes(np.column_stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]]))

@@ -99,12 +99,42 @@ class FrequencyErrors:
 
 
 def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> ComplexArray:
-    """u_z per volt of drive, (n,) in m/V, at the quadrature point of the touch face nearest to a point in m."""
+    """Compute u_z per volt of drive at a point of the touch face.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    point_m : tuple of float
+        x and y.
+    frequency_hz : ndarray, shape (n,)
+        Frequencies of the drive.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In m/V.
+    """
     return point_responses(forced, np.array([point_m]), frequency_hz)[0]
 
 
 def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
-    """u_z per volt of drive at points (p, 2): (p, n) in m/V."""
+    """Compute u_z per volt of drive at points of the touch face.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    points_m : ndarray, shape (p, 2)
+        The points.
+    frequency_hz : ndarray, shape (n,)
+        Frequencies of the drive.
+
+    Returns
+    -------
+    ndarray, shape (p, n)
+        In m/V.
+    """
     at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
     volts = forced.volts_over(at)
     parts = [_rows(basis, points_m) @ basis.amplitudes(at, forced.loss, volts).T for basis in forced.modes]
@@ -112,7 +142,22 @@ def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: Flo
 
 
 def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float) -> tuple[float, float]:
-    """Point (x, y) in m of the largest |u_z| of the operating shape on |y| < half_width_m; of equals the first, x, y >= 0."""
+    """Find the point of the largest |u_z| of the operating shape; of equal ones, the first with x, y >= 0.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    frequency_hz : float
+        Frequency of the drive.
+    half_width_m : float
+        Only |y| below it counts.
+
+    Returns
+    -------
+    tuple of float
+        x and y, in m.
+    """
     points, values = forced.shape(frequency_hz)
     size = np.where(np.abs(points[:, 1]) < half_width_m, np.abs(values), 0.0)
     equal = np.flatnonzero(size >= (1.0 - 1e-6) * size.max())
@@ -121,9 +166,23 @@ def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float)
 
 
 def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatArray | None = None) -> sp.csr_array:
-    """Rows (points, dof) that give u along an axis (default: u_z) of a group at points (q, 2) in m of the touch face.
+    """Build the rows that give u along an axis at points of the touch face.
 
-    means: weights (b, q) of sums over the points, which the rows (b, dof) then give.
+    Parameters
+    ----------
+    group : Group
+        The coupled classes.
+    points_m : ndarray, shape (q, 2)
+        The points.
+    axis : int, optional
+        0, 1 or 2 (u_z).
+    means : ndarray, shape (b, q), optional
+        Weights of sums over the points, which the rows then give.
+
+    Returns
+    -------
+    sparse array, shape (q, dof) or (b, dof)
+        Rows.
     """
     contact = Contact(points_m, np.eye(len(points_m)) if means is None else means, back=False)
     parts = [displacement_at(plate, contact)[axis::3] for plate in group.plates]
@@ -131,10 +190,26 @@ def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatA
 
 
 def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_hz: FloatArray | None = None) -> float:
-    """Frequency of the zone's largest response, Hz: on a grid and at the resonances, finer about its top, then between points.
+    """Find the frequency of the zone's largest response: on a grid and at the resonances, then finer, then between points.
 
-    A resonance between two points of the grid may be narrower than they are apart: each one of the plate with its patches as
-    they are wired has to be among `resonances_hz`, within the band.
+    A resonance may be narrower than the grid: each one of the plate with its patches as they are wired has to be among
+    `resonances_hz`, within the band.
+
+    Parameters
+    ----------
+    driven : Driven
+        The driven plate.
+    low, high : float
+        Ends of the band, in Hz.
+    points : int
+        Number of points of the grid.
+    resonances_hz : ndarray, shape (m,), optional
+        Resonances.
+
+    Returns
+    -------
+    float
+        In Hz.
     """
     even = np.union1d(np.linspace(low, high, points), [] if resonances_hz is None else resonances_hz)
     top = float(even[int(np.argmax(driven.curve(even).zone_rms_m_per_v))])
@@ -144,9 +219,21 @@ def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_
 
 
 def near_hz(driven: Driven, mode_hz: float) -> float:
-    """The peak of a mode, Hz: where the response is largest within a half-power width; its own frequency where it has no peak.
+    """Find the peak of a mode, where the response is largest within a half-power width.
 
     A stronger neighbour's flank, which rises to one end of that interval, does not count as a peak.
+
+    Parameters
+    ----------
+    driven : Driven
+        The driven plate.
+    mode_hz : float
+        Frequency of the mode.
+
+    Returns
+    -------
+    float
+        In Hz; the mode's own frequency if it has no peak.
     """
     reach = mode_hz * driven.loss
     top = _top_of(driven, mode_hz - reach, mode_hz + reach, mode_hz)
@@ -155,13 +242,43 @@ def near_hz(driven: Driven, mode_hz: float) -> float:
 
 
 def own_or(driven: Driven, mode_hz: float, highest_hz: float) -> float:
-    """The peak of a mode, Hz, as near_hz; the highest one's own frequency where both are one, each as finely as it is found."""
+    """Find the peak of a mode, as `near_hz`, or return the highest one's frequency if both are one peak.
+
+    Parameters
+    ----------
+    driven : Driven
+        The driven plate.
+    mode_hz, highest_hz : float
+        Frequencies of the mode and of the highest peak.
+
+    Returns
+    -------
+    float
+        In Hz.
+    """
     own = near_hz(driven, mode_hz)
     return highest_hz if abs(own - highest_hz) <= 2.0 * SHARP * highest_hz * driven.loss else own
 
 
 def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: list[float]) -> Curve:
-    """The response on an even grid, as dense about each peak as its damping makes it narrow."""
+    """Compute the response on an even grid that is finer around each peak, by its damping.
+
+    Parameters
+    ----------
+    driven : Driven
+        The driven plate.
+    low, high : float
+        Ends of the band, in Hz.
+    points : int
+        Number of points of the even grid.
+    peaks_hz : list of float
+        The peaks.
+
+    Returns
+    -------
+    Curve
+        Response over frequency.
+    """
     tones = np.linspace(low, high, points)
     for peak in peaks_hz:
         reach = 2.0 * peak * driven.loss
@@ -171,7 +288,20 @@ def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: 
 
 
 def peak_of(curve: Curve, frequency_hz: float) -> Peak:
-    """A peak as a curve has it that holds its frequency."""
+    """Read a peak off a curve that contains its frequency.
+
+    Parameters
+    ----------
+    curve : Curve
+        Response over frequency.
+    frequency_hz : float
+        Frequency of the peak.
+
+    Returns
+    -------
+    Peak
+        Frequency, rms values in m/V and quality factor.
+    """
     at = int(np.argmin(np.abs(curve.frequency_hz - frequency_hz)))
     passive = curve.passive_rms_m_per_v
     return Peak(
@@ -183,10 +313,21 @@ def peak_of(curve: Curve, frequency_hz: float) -> Peak:
 
 
 def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """Frequencies in Hz, ascending, with these patches open and the others short, and unit coordinates (modes, columns).
+    """Compute the modes with some patches open and the others short; only those within the band are meaningful.
 
-    Columns are those of the groups' modes and residuals, one group after another. Only modes within the band
-    are meaningful.
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    opened : sequence of int
+        Numbers of the open patches.
+
+    Returns
+    -------
+    frequency_hz : ndarray, shape (modes,)
+        Ascending.
+    coordinates : ndarray, shape (modes, columns)
+        Unit vectors over the groups' modes and residuals, group after group.
     """
     stiffness, mass, loads = _projected(forced)
     plate = forced.plate
@@ -198,7 +339,20 @@ def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, 
 
 
 def ritz_modes(stiffness: FloatArray, mass: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Eigenvalues (m,) and M-orthonormal vectors (n, m) of K and M (n, n) in directions of which some depend on others."""
+    """Solve K and M in directions of which some depend on others.
+
+    Parameters
+    ----------
+    stiffness, mass : ndarray, shape (n, n)
+        K and M.
+
+    Returns
+    -------
+    values : ndarray, shape (m,)
+        Eigenvalues, ascending.
+    vectors : ndarray, shape (n, m)
+        M-orthonormal.
+    """
     size = 1.0 / np.sqrt(np.maximum(np.diag(mass), 1e-300))
     values, basis = scipy.linalg.eigh(mass * np.outer(size, size))
     kept = values > SAME * values[-1]
@@ -208,7 +362,20 @@ def ritz_modes(stiffness: FloatArray, mass: FloatArray) -> tuple[FloatArray, Flo
 
 
 def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> CircuitShift | None:
-    """Shift of the target mode by opening patches (default: all); None if the band holds no target mode."""
+    """Compute the shift of the target mode by opening patches.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    opened : sequence of int, optional
+        Numbers of the patches; all by default.
+
+    Returns
+    -------
+    CircuitShift or None
+        Both frequencies in Hz; None if the band contains no target mode.
+    """
     place = forced.target_column()
     short = forced.target_hz()
     if place is None or short is None:
@@ -219,28 +386,73 @@ def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> C
 
 
 def open_patches(forced: ForcedPlate) -> list[int]:
-    """Patches without a prescribed voltage: the sensors, and charge-driven actuators."""
+    """List the patches without a prescribed voltage: sensors and charge-driven actuators.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its circuits.
+
+    Returns
+    -------
+    list of int
+        Numbers of the patches.
+    """
     return forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
 
 
 def driven_hz(forced: ForcedPlate) -> float | None:
-    """Return the target mode's frequency with the patches' circuits as wired: sensors open, drivers as they are fed."""
+    """Return the target mode's frequency with the patches as wired: sensors open, drivers fed.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its circuits.
+
+    Returns
+    -------
+    float or None
+        In Hz; None without a target mode.
+    """
     shift = circuit_shift(forced, opened) if (opened := open_patches(forced)) else None
     return shift.open_hz if shift else forced.target_hz()
 
 
 def resonances_hz(forced: ForcedPlate) -> FloatArray:
-    """Frequencies within the band at which the plate resonates with its patches as they are wired, ascending."""
+    """List the frequencies within the band at which the plate resonates with its patches as wired.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its circuits.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In Hz, ascending.
+    """
     low, high = forced.band_hz
     frequency = open_modes(forced, opened)[0] if (opened := open_patches(forced)) else np.sort(forced.resonances_hz)
     return frequency[(frequency > low) & (frequency < high)]
 
 
 def admittance(forced: ForcedPlate, frequency_hz: FloatArray) -> ComplexArray:
-    """Current per volt into the driven patches in parallel, each with its polarisation, (n,) in S; sensors stay open.
+    """Compute the current per volt into the driven patches in parallel, each with its polarisation; sensors stay open.
 
     The charge of a patch is theta' u + C V with its bonded face's motion u: Y = j omega s' q over the driven ones. Dielectric
     losses are left out.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its circuits.
+    frequency_hz : ndarray, shape (n,)
+        Frequencies of the drive.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In S (siemens).
     """
     signs, driven, left = forced.signs[forced.drivers], forced.drivers, forced.sensors
     at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
@@ -278,20 +490,42 @@ def frequency_errors(basis: GroupModes) -> FrequencyErrors:
 
 
 def frequency_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
-    """Relative error bar (half-width) of the frequency of the peak nearest to one; None without an estimate.
+    """Return the error bar of the peak nearest to a frequency, that of its mode: mesh, reduction and bonding together.
 
-    That of the nearest mode: mesh, reduction and bonding together.
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    frequency_hz : float
+        The frequency.
+
+    Returns
+    -------
+    float or None
+        Relative half-width; None without an estimate.
     """
     basis, index = _nearest(forced, frequency_hz)
     return None if basis is None else _known(float(frequency_errors(basis).total[index]))
 
 
 def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
-    """Relative error bar (half-width) of the peak nearest to a frequency; None without an estimate or a mode nearby.
+    """Estimate the error bar of the height of the peak nearest to a frequency.
 
     A resonance's height goes as phi'f / lambda: the errors of the loads f and of the mode's frequency add up. Damping is
-    given and not judged. The part of the discarded modes of the panels is known at rest: at the mode's eigenvalue l it may be
-    larger by l / (L - l), L that below which none was left out.
+    given and not judged. The part of the panels' discarded modes is known at rest: at the mode's eigenvalue l it may be
+    larger by l / (L - l), with L the lowest discarded eigenvalue.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    frequency_hz : float
+        The frequency.
+
+    Returns
+    -------
+    float or None
+        Relative half-width; None without an estimate or a mode nearby.
     """
     basis, index = _nearest(forced, frequency_hz)
     if basis is None or basis.bond is None:
@@ -306,8 +540,17 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
 
 
 def load_errors(basis: GroupModes) -> FloatArray:
-    """Errors of the loads' gains by the mesh of the bond and by the panels' discarded modes, (modes, patches); NaN where
-    they are not known.
+    """Estimate the errors of the loads' gains due to the mesh of the bond and to the panels' discarded modes.
+
+    Parameters
+    ----------
+    basis : GroupModes
+        Modes of a group.
+
+    Returns
+    -------
+    ndarray, shape (modes, patches)
+        Scaled as the gains; NaN where unknown.
     """
     if basis.bond is None or basis.group.by_modes is None:
         return np.full_like(basis.gain, np.nan)
