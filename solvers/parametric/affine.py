@@ -274,7 +274,18 @@ class AffineCell:
 
 
 def foot_of(pillar: Pillar) -> Foot | None:
-    """The section of a pillar that grows with its width; None for one that does not."""
+    """Return the section of a pillar that grows with its width.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        The pillar.
+
+    Returns
+    -------
+    Foot or None
+        None for a pillar whose section does not.
+    """
     if not pillar.is_plain:
         return None
     known = {
@@ -290,8 +301,25 @@ def foot_of(pillar: Pillar) -> Foot | None:
 def quarter_mesh(
     foot: Foot, sizes: tuple[float, float, float, float], mesh: FixedMesh, panel: tuple[float, float] = (1.0, 1.0)
 ) -> tuple[Mesh, IntArray]:
-    """The quarter panel x, y >= 0, z = 0 the touch face, of thickness, height, width and pitch in m, the panel's sides in
-    pitches; for each element which stretch acts along x, y and z, (e, 3).
+    """Mesh the quarter panel x, y >= 0, with z = 0 the touch face.
+
+    Parameters
+    ----------
+    foot : Foot
+        Section of the pillar.
+    sizes : tuple of float
+        Thickness, height, width and pitch, in m.
+    mesh : FixedMesh
+        Numbers of elements and their order.
+    panel : tuple of float, optional
+        Sides of the panel, in units of the pitch.
+
+    Returns
+    -------
+    mesh : Mesh
+        Nodes in m.
+    stretched : ndarray of int, shape (e, 3)
+        Which stretch acts on each element along x, y and z.
     """
     t, h, _, _ = sizes
     z = np.concatenate(
@@ -303,18 +331,53 @@ def quarter_mesh(
 
 
 def between(count: int, seed: int) -> FloatArray:
-    """Points (count, 4) evenly spread over the unit cube (a Halton sequence, scrambled by a seed)."""
+    """Spread points evenly over the unit cube (a scrambled Halton sequence).
+
+    Parameters
+    ----------
+    count : int
+        Number of points.
+    seed : int
+        Seed of the scrambling.
+
+    Returns
+    -------
+    ndarray, shape (count, 4)
+        From 0 to 1.
+    """
     return np.asarray(qmc.Halton(4, seed=seed).random(count))
 
 
 def as_sizes(designs: FloatArray) -> list[Sizes]:
-    """Rows (n, 4) as designs."""
+    """Convert rows to designs.
+
+    Parameters
+    ----------
+    designs : ndarray, shape (n, 4)
+        Thickness, height, side and pitch, in m.
+
+    Returns
+    -------
+    list of tuple of float
+        The same, in m.
+    """
     return [(float(t), float(h), float(a), float(p)) for t, h, a, p in designs]
 
 
 def stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
-    """Thickness, height, side, what lies between the blocks along x and along y, and the pitch: what the parts of the mesh are
-    stretched by.
+    """Return the lengths by which the parts of the mesh are stretched.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (4,), or tuple
+        Thickness, height, side and pitch, in m.
+    box : DesignBox
+        Its panel and foot.
+
+    Returns
+    -------
+    ndarray, shape (6,)
+        Thickness, height, side, clearances along x and along y, and pitch, in m.
     """
     t, h, a, p = sizes
     width, depth = (side * p - box.foot.reach * a for side in box.panel)
@@ -322,19 +385,66 @@ def stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
 
 
 def theta(exponents: IntArray, sizes: FloatArray | Sizes, reference: Sizes, box: DesignBox) -> FloatArray:
-    """theta_q of designs: (q,) for sizes (4,)."""
+    """Compute the coefficients theta_q of a design's affine forms.
+
+    Parameters
+    ----------
+    exponents : ndarray of int, shape (q, 6)
+        Powers of the stretches.
+    sizes : ndarray, shape (4,), or tuple
+        The design, in m.
+    reference : tuple of float
+        The reference design, in m.
+    box : DesignBox
+        Its panel and foot.
+
+    Returns
+    -------
+    ndarray, shape (q,)
+        Dimensionless.
+    """
     ratio = stretches(sizes, box) / stretches(reference, box)
     return np.asarray(np.prod(ratio ** np.asarray(exponents), axis=1))
 
 
 def across(points: FloatArray, reference: Sizes, sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
-    """Places (n, 2) in the stretched plate of reference coordinates along x and y, m."""
+    """Map reference coordinates to places in the stretched plate.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        x and y on the reference design, in m.
+    reference : tuple of float
+        The reference design, in m.
+    sizes : ndarray, shape (4,), or tuple
+        The design, in m.
+    box : DesignBox
+        Its panel and foot.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        In m.
+    """
     lines = zip(points.T, plan_lines(reference, box), plan_lines(sizes, box), strict=True)
     return np.column_stack([np.interp(own, was, now) for own, was, now in lines])
 
 
 def plan_lines(sizes: FloatArray | Sizes, box: DesignBox) -> list[list[float]]:
-    """Along x and y the quarter panel's middle, the end of its block and its side, m."""
+    """List the quarter panel's middle, the end of its block and its side, along x and y.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (4,), or tuple
+        The design, in m.
+    box : DesignBox
+        Its panel and foot.
+
+    Returns
+    -------
+    list of list of float
+        Two lists of three, in m.
+    """
     block = box.foot.reach * float(sizes[SIDE]) / 2.0
     return [[0.0, block, side / 2.0] for side in box.panel_m(sizes)[:2]]
 

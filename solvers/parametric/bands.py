@@ -63,7 +63,27 @@ class Bands:
 
 
 def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> Bands:
-    """The bands of one design. SolverError for a design outside the box, by name."""
+    """Compute the bands of one design.
+
+    Parameters
+    ----------
+    cell : ParametricCell
+        Reduced over the box.
+    bases : BandBases
+        Boundary motions at every wavevector.
+    sizes : ndarray, shape (4,), or tuple
+        The design, in m.
+
+    Returns
+    -------
+    Bands
+        Frequencies in Hz and relative errors, (wavevectors, count) each.
+
+    Raises
+    ------
+    SolverError
+        For a design outside the box, naming the size.
+    """
     parts = cell.parts(sizes, INNER, cell.interface)
     with one_thread():
         solved = [_eigenvalues(parts, sector) for sector in bases.sectors]
@@ -75,14 +95,44 @@ def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> 
 def lowest(
     parts: Sequence[ClassAtDesign], bases: FloatArray, count: int
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """At each wavevector the lowest eigenvalues (count,), the waves' free boundary coordinates and their inner functions."""
+    """Compute the lowest waves at each wavevector.
+
+    Parameters
+    ----------
+    parts : sequence of ClassAtDesign
+        The sector's classes at the design.
+    bases : ndarray, shape (k, m, free)
+        Boundary motions at each wavevector.
+    count : int
+        Number of waves.
+
+    Yields
+    ------
+    values : ndarray, shape (count,)
+        Scaled eigenvalues.
+    boundary, inner : ndarray, shape (n, count)
+        Free boundary coordinates and inner functions of the waves.
+    """
     for stiffness, mass in zip(*pencils(parts, bases), strict=True):
         values, waves = eigh(stiffness, mass, subset_by_index=(0, min(count, len(mass)) - 1), driver="gvx")
         yield np.asarray(values), waves[: bases.shape[2]], waves[bases.shape[2] :]
 
 
 def pencils(parts: Sequence[ClassAtDesign], bases: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """K and M of [free boundary coordinates, inner functions] at each wavevector, (k, m, m)."""
+    """Build K and M of the free boundary coordinates and the inner functions at each wavevector.
+
+    Parameters
+    ----------
+    parts : sequence of ClassAtDesign
+        The sector's classes at the design.
+    bases : ndarray, shape (k, n, free)
+        Boundary motions at each wavevector.
+
+    Returns
+    -------
+    stiffness, mass : ndarray, shape (k, m, m)
+        Scaled.
+    """
     free, inner = bases.shape[2], sum(len(part.fixed_hz) for part in parts)
     stiffness, mass = (np.zeros((len(bases), free + inner, free + inner)) for _ in range(2))
     row, start = 0, free
@@ -108,7 +158,28 @@ def band_bases(
     designs: Sequence[Sizes],
     floor: float,
 ) -> BandBases:
-    """Gather the boundary motions of the waves of given designs."""
+    """Gather the boundary motions of the waves of given designs.
+
+    Parameters
+    ----------
+    cell : ParametricCell
+        Reduced over the box.
+    fractions : ndarray, shape (k, 2)
+        Wavevectors in units of pi / pitch.
+    labels : tuple of str
+        One per wavevector, empty between labelled points.
+    count : int
+        Number of bands.
+    designs : sequence of tuple of float
+        In m.
+    floor : float
+        Relative error of a frequency that is always added.
+
+    Returns
+    -------
+    BandBases
+        For `bands`.
+    """
     whole = cell.sectors(fractions)
     waves = [_boundary_waves(cell, whole, count, sizes) for sizes in designs]
     middle = cell.parts(cell.reference, INNER, cell.interface)
@@ -125,13 +196,45 @@ def band_bases(
 
 
 def rich_sectors(cell: ParametricCell, fractions: FloatArray, labels: tuple[str, ...]) -> tuple[Sector, ...]:
-    """The sectors with all boundary motions at some of the wavevectors."""
+    """Build the sectors with all boundary motions at the labelled wavevectors.
+
+    Parameters
+    ----------
+    cell : ParametricCell
+        Reduced over the box.
+    fractions : ndarray, shape (k, 2)
+        Wavevectors in units of pi / pitch.
+    labels : tuple of str
+        One per wavevector, empty between labelled points.
+
+    Returns
+    -------
+    tuple of Sector
+        One per mirror sector.
+    """
     labelled = np.array([bool(label) for label in labels])
     return tuple(_some(sector, labelled[sector.points]) for sector in cell.sectors(fractions))
 
 
 def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Sequence[Sizes], count: int) -> float:
-    """Largest relative excess of the cell's frequencies over those of cells made for each design alone, along its path."""
+    """Compute the largest relative excess of the cell's frequencies over those of cells made for each design alone.
+
+    Parameters
+    ----------
+    cell : ParametricCell
+        Reduced over the box.
+    alone : sequence of ParametricCell
+        One per design.
+    designs : sequence of tuple of float
+        In m.
+    count : int
+        Number of bands.
+
+    Returns
+    -------
+    float
+        Relative.
+    """
     points = cell.box.path(2).wavevectors / np.pi
     of, worst = cell.sectors(points), 0.0
 
@@ -147,7 +250,24 @@ def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Se
 
 
 def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: Sequence[Sizes]) -> ParametricCell:
-    """The cell in a basis made from the lowest `count` waves of the designs at the sectors' wavevectors."""
+    """Reduce the cell further, to a basis made from the lowest waves of the designs at the sectors' wavevectors.
+
+    Parameters
+    ----------
+    cell : ParametricCell
+        Reduced over the box.
+    of : sequence of Sector
+        Wavevectors and boundary motions.
+    count : int
+        Number of waves.
+    designs : sequence of tuple of float
+        In m.
+
+    Returns
+    -------
+    ParametricCell
+        With fewer functions.
+    """
     rigid: list[list[FloatArray]] = [[] for _ in cell.blocks]
     moving: list[list[FloatArray]] = [[] for _ in cell.blocks]
     with one_thread():
@@ -164,7 +284,18 @@ def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: 
 
 
 def single(values: FloatArray) -> FloatArray:
-    """Values as single precision holds them."""
+    """Round values to single precision.
+
+    Parameters
+    ----------
+    values : ndarray, any shape
+        In double precision.
+
+    Returns
+    -------
+    ndarray, same shape
+        In double precision, rounded.
+    """
     return np.asarray(values, dtype=np.float32).astype(float)
 
 

@@ -26,9 +26,17 @@ TRIPLES = tuple(product(range(3), repeat=2))
 
 @lru_cache(maxsize=4)
 def functions(face: Interface) -> IntArray:
-    """The scalar functions (n, 3) by their numbers along x, y (0 and 1 the hats, then bubbles) and through z.
+    """Number the scalar functions along x, y (0 and 1 the hats, then bubbles) and through z; the interface's come first.
 
-    The interface's come first, in its order.
+    Parameters
+    ----------
+    face : Interface
+        Degrees along the sides and through the thickness.
+
+    Returns
+    -------
+    ndarray of int, shape (n, 3)
+        Numbers of the functions.
     """
     layers, bubbles = range(face.layers), range(2, face.along + 1)
     out = [((1 + x) // 2, (1 + y) // 2, layer) for x, y in VERTICES for layer in layers]
@@ -39,7 +47,22 @@ def functions(face: Interface) -> IntArray:
 
 
 def line_values(s: FloatArray, derived: bool) -> tuple[FloatArray, FloatArray]:
-    """Functions along a side (q, DEGREE + 1) and through the thickness (q, THROUGH + 1) on [-1, 1], or their derivatives."""
+    """Evaluate the functions along a side and through the thickness on [-1, 1], or their derivatives.
+
+    Parameters
+    ----------
+    s : ndarray, shape (q,)
+        Places.
+    derived : bool
+        Derivatives instead of values.
+
+    Returns
+    -------
+    along : ndarray, shape (q, DEGREE + 1)
+        Hats, then bubbles.
+    through : ndarray, shape (q, THROUGH + 1)
+        Legendre polynomials.
+    """
     if not derived:
         hats = np.column_stack([1.0 - s, 1.0 + s]) / 2.0
         return np.hstack([hats, bubble_functions(s, DEGREE)]), np.asarray(legendre.legvander(s, THROUGH), dtype=float)
@@ -56,7 +79,18 @@ WHOLE: Span = (-1.0, 1.0)
 
 @lru_cache(maxsize=64)
 def line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
-    """int f g, int f' g and int f' g' over a part of [-1, 1], of the functions along a side and of those through it."""
+    """Integrate f g, f' g and f' g' over a part of [-1, 1].
+
+    Parameters
+    ----------
+    span : tuple of float, optional
+        The part; all by default, from -1 to 1.
+
+    Returns
+    -------
+    tuple of tuple of ndarray, shape (n, n)
+        For the functions along a side, then for those through the thickness.
+    """
     s, weights = gauss(DEGREE + 2, *span)
     plain, derived = line_values(s, False), line_values(s, True)
     pairs = ((plain, plain), (derived, plain), (derived, derived))
@@ -82,8 +116,23 @@ def _reference(face: Interface, span: Span = WHOLE) -> tuple[FloatArray, FloatAr
 def bare_matrices(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE
 ) -> tuple[FloatArray, FloatArray]:
-    """K and M (3 n, 3 n) of a panel, or of what lies within a span of [-1, 1] along x, among all its functions, component
-    fastest, in units of its thickness.
+    """Compute K and M of a panel, or of a part of it along x, among all its functions.
+
+    Parameters
+    ----------
+    size_m : tuple of float
+        Length, width and thickness.
+    material : Material
+        Of the panel.
+    face : Interface
+        Degrees along the sides and through the thickness.
+    span : tuple of float, optional
+        Part of [-1, 1] along x.
+
+    Returns
+    -------
+    stiffness, mass : ndarray, shape (3 n, 3 n)
+        Component fastest, scaled by the thickness.
     """
     (parts, mass) = bare_forms(size_m, material, face, span, apart=False)
     return parts[0], mass
@@ -92,7 +141,28 @@ def bare_matrices(
 def bare_forms(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE, apart: bool = True
 ) -> tuple[list[FloatArray], FloatArray]:
-    """The same, K apart by how often it is derived across the plate, (3,), or in one."""
+    """Compute K, split by how often it is differentiated across the plate, and M, as `bare_matrices`.
+
+    Parameters
+    ----------
+    size_m : tuple of float
+        Length, width and thickness.
+    material : Material
+        Of the panel.
+    face : Interface
+        Degrees along the sides and through the thickness.
+    span : tuple of float, optional
+        Part of [-1, 1] along x.
+    apart : bool, optional
+        Split K in three instead of returning its sum.
+
+    Returns
+    -------
+    stiffness : list of ndarray, shape (3 n, 3 n)
+        Three, or one; scaled.
+    mass : ndarray, shape (3 n, 3 n)
+        Scaled.
+    """
     gradients, square = _reference(face, span)
     stretch = np.array(size_m) / size_m[2] / 2.0
     volume = float(np.prod(stretch))
@@ -126,7 +196,26 @@ def _inside(
 def bare_strip(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE
 ) -> tuple[FloatArray, FloatArray, Expansion]:
-    """K, M and touch face of what lies within a span of [-1, 1] along x, in the degrees of freedom of the panel's cell."""
+    """Compute K, M and touch face of a part of the panel along x in the degrees of freedom of the panel's cell.
+
+    Parameters
+    ----------
+    size_m : tuple of float
+        Length, width and thickness.
+    material : Material
+        Of the panel.
+    face : Interface
+        Degrees along the sides and through the thickness.
+    span : tuple of float, optional
+        Part of [-1, 1] along x.
+
+    Returns
+    -------
+    stiffness, mass : ndarray, shape (dof, dof)
+        Scaled.
+    touch : Expansion
+        u_z on the touch face.
+    """
     _, _, shapes = _inside(size_m, material, face)
     stiffness, mass = (shapes.T @ matrix @ shapes for matrix in bare_matrices(size_m, material, face, span))
     return stiffness, mass, _touch(size_m, face, span, shapes[2::3])
@@ -134,7 +223,22 @@ def bare_strip(
 
 @lru_cache(maxsize=64)
 def bare_cell(size_m: tuple[float, float, float], material: Material, face: Interface) -> Cell:
-    """The panel's cell; every mode of its inside is kept."""
+    """Build the panel's cell; every mode of its inside is kept.
+
+    Parameters
+    ----------
+    size_m : tuple of float
+        Length, width and thickness.
+    material : Material
+        Of the panel.
+    face : Interface
+        Degrees along the sides and through the thickness.
+
+    Returns
+    -------
+    Cell
+        Without residual flexibility.
+    """
     values, parity, _ = _inside(size_m, material, face)
     stiffness, mass, touch = bare_strip(size_m, material, face)
     b, scale = face.count, Scale.of(size_m[2], material)
@@ -163,7 +267,20 @@ def _parity(face: Interface) -> IntArray:
 
 
 def bare_parity(face: Interface, signs: tuple[int, ...]) -> IntArray:
-    """The inside's functions of one class, counted from the inside's first."""
+    """List the inside's functions of one symmetry class, counted from the inside's first.
+
+    Parameters
+    ----------
+    face : Interface
+        Degrees along the sides and through the thickness.
+    signs : tuple of int
+        Signs of the class.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        Numbers of the functions.
+    """
     return np.flatnonzero((_parity(face) == signs[:2]).all(axis=1))
 
 
