@@ -248,7 +248,20 @@ class Sector:
 
 
 def class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
-    """The affine forms of one symmetry class."""
+    """Build the affine forms of one symmetry class.
+
+    Parameters
+    ----------
+    cell : AffineCell
+        The quarter panel.
+    signs : tuple of int
+        Signs along x and y, and about the diagonal (0 for none).
+
+    Returns
+    -------
+    ClassForms
+        Folded matrices of the class.
+    """
     mirrors = {face: "S" if sign > 0 else "A" for face, sign in zip(("x-", "y-"), signs, strict=False)}
     inside = free_mask(cell.mesh, (), mirrors)
     if signs[2]:
@@ -265,9 +278,23 @@ def class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
 
 
 def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[Sizes] = ()) -> ReducedBlock:
-    """Gather what the inside does at given designs, keep what brings KEPT of the energy, and project every matrix.
+    """Reduce a class to what its inside does at given designs, and project every matrix.
 
-    The rigid-body modes of the designs `everywhere` are among the functions, too.
+    Functions that carry more than KEPT of the energy are kept.
+
+    Parameters
+    ----------
+    block : Block
+        The class on its mesh.
+    designs : iterable of tuple of float
+        In m.
+    everywhere : iterable of tuple of float, optional
+        Designs whose rigid-body modes are also included.
+
+    Returns
+    -------
+    ReducedBlock
+        Matrices and their exponents.
     """
     basis = inner_basis(block, designs, KEPT, everywhere)
     exponents = block.cell.stiffness.exponents, block.cell.mass.exponents
@@ -275,13 +302,41 @@ def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[S
 
 
 def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:
-    """The class at one design, all that its inside does there kept: one matrix of each kind, whose exponents are zero."""
+    """Reduce a class at one design, with all that its inside does there: one matrix of each kind with exponents zero.
+
+    Parameters
+    ----------
+    block : Block
+        The class on its mesh.
+    sizes : tuple of float
+        The design, in m.
+
+    Returns
+    -------
+    ReducedBlock
+        Valid at that design.
+    """
     stiffness, mass = block.stretched(sizes)
     return _block(block, inner_basis(block, [sizes], ALL), [stiffness], [mass], (ONCE, ONCE))
 
 
 def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedBlock:
-    """A class of the bare panel next to the pillar's: its polynomials, whose stretches are those of thickness and pitch."""
+    """Build a class of the bare panel next to the pillar's; its polynomials stretch with thickness and pitch.
+
+    Parameters
+    ----------
+    cell : AffineCell
+        The panel with the pillar.
+    interface : Interface
+        Degrees along the sides and through the thickness.
+    signs : tuple of int
+        Signs of the class.
+
+    Returns
+    -------
+    ReducedBlock
+        Matrices and their exponents.
+    """
     forms, mass = bare_forms(cell.box.panel_m(cell.reference), cell.plate, interface)
     own = bare_parity(interface, signs)
     b, parity = interface.count, interface.parity_basis({0: signs[0], 1: signs[1]})
@@ -296,10 +351,30 @@ def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedB
 
 
 def inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:
-    """Functions of the inside (inner, r), orthonormal in the strain energy of the reference design (a POD, sirovich1987).
+    """Gather functions of the inside, orthonormal in the strain energy of the reference design (a POD).
 
     The rigid-body modes of every design are among them, so that none meets a force. What a design's snapshots add to those of
     the designs before widens the space; the decomposition is of all snapshots' coordinates in it.
+
+    Parameters
+    ----------
+    block : Block
+        The class on its mesh.
+    designs : iterable of tuple of float
+        In m.
+    kept : float
+        Least energy of a kept direction relative to the largest.
+    everywhere : iterable of tuple of float, optional
+        Designs whose rigid-body modes are also included.
+
+    Returns
+    -------
+    ndarray, shape (inner, r)
+        The functions.
+
+    References
+    ----------
+    .. [1] sirovich1987 (docs/references.bib)
     """
     designs = list(designs)
     stiffness, _ = block.stretched(block.cell.reference)
@@ -320,19 +395,62 @@ def inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere:
 
 
 def orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float, least: float = 0.0) -> FloatArray:
-    """A basis of what has more than `kept` of the largest energy, and `least`, among functions (n, m), orthonormal in it."""
+    """Build an orthonormal basis in energy of the span of functions.
+
+    Parameters
+    ----------
+    functions : ndarray, shape (n, m)
+        The functions.
+    energy : sparse array, shape (n, n)
+        Positive semidefinite form.
+    kept, least : float
+        Smallest energy of a kept direction: relative to the largest, and absolute (scaled).
+
+    Returns
+    -------
+    ndarray, shape (n, r)
+        Orthonormal in `energy`.
+    """
     size, turn = eigh(functions.T @ (energy @ functions), overwrite_a=True, check_finite=False)
     chosen = size > max(kept * size[-1], least)
     return np.asarray(functions @ (turn[:, chosen] / np.sqrt(size[chosen])))
 
 
 def symmetric(matrices: FloatArray) -> FloatArray:
+    """Symmetrise a stack of matrices.
+
+    Parameters
+    ----------
+    matrices : ndarray, shape (q, n, n)
+        The matrices.
+
+    Returns
+    -------
+    ndarray, shape (q, n, n)
+        Means of each and its transpose.
+    """
     return np.asarray((matrices + matrices.transpose(0, 2, 1)) / 2.0)
 
 
 def chosen(block: Block, designs: Sequence[Sizes], missed: float) -> list[Sizes]:
-    """The first design, then as many as it takes until no motion of unit strain energy of any design has more than `missed`
-    of that energy outside the span of those chosen.
+    """Choose designs whose span represents every design.
+
+    The first design, then more until no motion of unit strain energy of any design has more than `missed` of that energy
+    outside the span of the chosen ones.
+
+    Parameters
+    ----------
+    block : Block
+        The class on its mesh.
+    designs : sequence of tuple of float
+        In m.
+    missed : float
+        Largest fraction of the energy.
+
+    Returns
+    -------
+    list of tuple of float
+        The chosen ones, in m.
     """
     left = dict(zip(designs, _motions(block, designs), strict=True))
     taken: list[Sizes] = []
@@ -362,14 +480,44 @@ STAGGERED = Symmetry(
 
 
 def symmetry_of(lattice: Lattice, is_alike: bool) -> Symmetry:
-    """The symmetry of rows in line whose cell is, or is not, its own image with x and y exchanged, or of staggered rows."""
+    """Return the symmetry of a lattice: staggered, or in line with a cell that is or is not its own image with x and y exchanged.
+
+    Parameters
+    ----------
+    lattice : Lattice
+        The lattice of the rows.
+    is_alike : bool
+        Whether the cell is its own image with x and y exchanged.
+
+    Returns
+    -------
+    Symmetry
+        Classes and sectors.
+    """
     return STAGGERED if lattice.is_centred else ALIKE if is_alike else UNLIKE
 
 
 def line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
-    """The line of the zone that a wavevector in units of pi / pitch lies on and that a mirror leaves alone, by its ends.
+    """Name the line of the zone, by its ends, on which a wavevector lies and which a mirror leaves alone.
 
-    SolverError for any other wavevector of rows in line: paths run along the sides of the irreducible Brillouin zone.
+    Parameters
+    ----------
+    fraction : ndarray, shape (2,)
+        Wavevector in units of pi / pitch.
+    lattice : Lattice
+        The lattice of the rows.
+    symmetry : Symmetry
+        Its classes and sectors.
+
+    Returns
+    -------
+    str
+        Such as "GX".
+
+    Raises
+    ------
+    SolverError
+        For any other wavevector of rows in line: paths follow the sides of the irreducible Brillouin zone.
     """
     (x, y), (end_x, end_y) = np.round(fraction, 12), np.round(np.diag(lattice.reciprocal_per_m) / (2.0 * np.pi), 12)
     end_x = end_x * (1 + lattice.is_centred)
@@ -381,7 +529,20 @@ def line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
 
 
 def parities(face: Interface, symmetry: Symmetry) -> tuple[FloatArray, ...]:
-    """Each member's polynomials among the cell's own, (boundary, m); the image of a class by exchanging x and y."""
+    """List each class's polynomials among the cell's own; the image of a class by exchanging x and y comes last.
+
+    Parameters
+    ----------
+    face : Interface
+        Degrees along the sides and through the thickness.
+    symmetry : Symmetry
+        Its classes.
+
+    Returns
+    -------
+    tuple of ndarray, shape (boundary, m)
+        One per member.
+    """
     own = [face.parity_basis({0: x, 1: y}, diagonal) for x, y, diagonal in symmetry.classes]
     images = len(symmetry.members) - len(symmetry.classes)
     return (*own, *(one[face.diagonal()] for one in own[len(own) - images :]))
@@ -393,9 +554,28 @@ def sectors(
     lattice: Lattice = IN_LINE,
     is_alike: bool = True,
 ) -> tuple[Sector, ...]:
-    """Every sector of a path's wavevectors (k, 2) in units of pi / pitch.
+    """Build every sector of a path's wavevectors.
 
-    SolverError for a wavevector of rows in line that none of the cell's mirrors leaves alone.
+    Parameters
+    ----------
+    face : Interface
+        Degrees along the sides and through the thickness.
+    fractions : array_like, shape (k, 2)
+        Wavevectors in units of pi / pitch.
+    lattice : Lattice, optional
+        The lattice of the rows.
+    is_alike : bool, optional
+        Whether the cell is its own image with x and y exchanged.
+
+    Returns
+    -------
+    tuple of Sector
+        Wavevectors and boundary motions.
+
+    Raises
+    ------
+    SolverError
+        For a wavevector of rows in line that none of the cell's mirrors leaves alone.
     """
     return _sectors(face, tuple((float(x), float(y)) for x, y in fractions), lattice, is_alike)
 

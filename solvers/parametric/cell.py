@@ -157,7 +157,24 @@ class ClassAtDesign:
 
 
 def rigid_span(parity: FloatArray, face: Interface, box: DesignBox, sizes: FloatArray | Sizes) -> FloatArray:
-    """An orthonormal basis of a class's rigid-body modes among its boundary polynomials, (m, r)."""
+    """Build an orthonormal basis of a class's rigid-body modes among its boundary polynomials.
+
+    Parameters
+    ----------
+    parity : ndarray, shape (boundary, m)
+        The class's polynomials.
+    face : Interface
+        Degrees along the sides and through the thickness.
+    box : DesignBox
+        Its panel.
+    sizes : ndarray, shape (4,), or tuple
+        The design, in m.
+
+    Returns
+    -------
+    ndarray, shape (m, r)
+        The basis.
+    """
     motions = parity.T @ rigid_polynomials(face, (*box.panel, float(sizes[THICKNESS] / sizes[PITCH])))
     left, size, _ = np.linalg.svd(motions, full_matrices=False)
     return np.asarray(left[:, size > RIGID])
@@ -170,7 +187,22 @@ def _flexible(stiffness: FloatArray, rigid: FloatArray) -> FloatArray:
 
 
 def lower(parity: FloatArray, full: Interface, face: Interface) -> tuple[FloatArray, IntArray]:
-    """A class's polynomials without the bubbles that `face` lacks, and which columns they were."""
+    """Select a class's polynomials without the bubbles that a lower interface lacks.
+
+    Parameters
+    ----------
+    parity : ndarray, shape (boundary, m)
+        The class's polynomials.
+    full, face : Interface
+        The cell's own interface and the lower one.
+
+    Returns
+    -------
+    parity : ndarray, shape (fewer, n)
+        Of the lower interface.
+    kept : ndarray of int, shape (n,)
+        Columns that remain.
+    """
     here = np.arange(face.vertex_block)
     layer = np.arange(face.side_block) % face.vertex_block + full.vertex_block * (
         np.arange(face.side_block) // face.vertex_block
@@ -222,10 +254,27 @@ def parametric_cell(
     apply: Callable[..., Iterable[tuple[ReducedBlock, ...]]] = map,
     coarse: AffineCell | None = None,
 ) -> tuple[ParametricCell, ...]:
-    """The cell reduced over the box from the given designs, then for each unseen design one made for it alone.
+    """Reduce the cell over the box from given designs, and for each unseen design one made for it alone.
 
-    With a coarser mesh of the same topology, a class uses only the designs that add something new on that mesh. `apply`
-    maps over the classes, several at once if it can; the largest comes first.
+    With a coarser mesh of the same topology, a class uses only the designs that add something new on that mesh.
+
+    Parameters
+    ----------
+    cell : AffineCell
+        The quarter panel.
+    interface : Interface
+        Degrees along the sides and through the thickness.
+    designs, unseen : sequence of tuple of float
+        In m.
+    apply : callable, optional
+        Maps over the classes, several at once if it can; the largest comes first.
+    coarse : AffineCell, optional
+        The coarser mesh.
+
+    Returns
+    -------
+    tuple of ParametricCell
+        That of the box, then those of the unseen designs.
     """
     work = partial(_reduce, cell, coarse, interface, tuple(designs), tuple(unseen))
     classes = ALIKE.classes if cell.box.is_alike else QUARTERS
@@ -262,10 +311,25 @@ def _reduce(
 
 
 def fitted_touch(mesh: Mesh, lines: Sequence[Sequence[float]]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gauss points (p, 2) in m and weights (p,) of the four rectangles between lines along x and y, block or clearance, and
-    u_z there from that at the points of `face_quadrature`, (p, q).
+    """Build the Gauss points of the four rectangles between lines along x and y, and the fit of u_z there.
 
     The foot lies a plate's thickness away: degree COUNT - 1 each way follows the field, or as far as the points determine.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Nodes in m.
+    lines : sequence of sequence of float
+        Along x and y the middle, the end of the block and the side, in m.
+
+    Returns
+    -------
+    points : ndarray, shape (p, 2)
+        In m.
+    weights : ndarray, shape (p,)
+        In m^2.
+    rows : ndarray, shape (p, q)
+        u_z from that at the points of `face_quadrature`.
     """
     rule, (gauss, area) = face_quadrature(mesh, "touch"), gauss_points()
     at = rule.points[:, :2]
