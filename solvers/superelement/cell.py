@@ -89,6 +89,8 @@ class ResidualModes:
 
     def bounds(self, eigenvalue: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Between which eigenvalues waves of l (k,) and flexibilities d (k,) come to lie, (k,) each."""
+        # roots of m + h d = l with the upper bound h = m^2 L / (L - m), then with the lower one h = m^2: the form of the
+        # quadratic formula without cancellation
         edge, lost = self.edge, np.maximum(own, 0.0)
         root = np.sqrt((edge - eigenvalue) ** 2 + 4.0 * edge**2 * lost * eigenvalue)
         lower = 2.0 * eigenvalue * edge / (edge + eigenvalue + root)

@@ -158,6 +158,7 @@ class ReducedLattice:
         stiff, heavy, lost = times(cell.stiffness, u), times(cell.mass, u), times(cell.dropped, u[:count])
         middle = (waves.eigenvalue[:, None] + waves.eigenvalue) / 2.0  # equal within a degenerate group
         own = np.einsum("in,in->n", u[:count].conj(), lost).real
+        # K - m M - h(m) D depends on m through h, too: its derivative by m along u is -(1 + h'(m) u^H D u) instead of -1
         weight = 1.0 / np.sqrt(1.0 + cell.residual.slope(waves.eigenvalue) * own)
         out = []
         for axis in (0, 1):
