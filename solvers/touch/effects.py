@@ -535,6 +535,7 @@ def _likeliest(problem: _Problem, row: int, low: float, high: float) -> tuple[co
     value = complex(problem.own[row])
     for _ in range(PASSES):
         matrix, slope = problem.at(value)
+        # N linearised about v, (N - v N' + mu N') x = 0, has every eigenvalue near v at once
         values, vectors = scipy.linalg.eig(matrix - value * slope, -slope)
         known = np.flatnonzero((values.real >= low) & (values.real <= high))
         if not len(known):

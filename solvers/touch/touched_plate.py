@@ -148,8 +148,8 @@ def disk_means(degree: int, finer: int = 0) -> tuple[FloatArray, FloatArray]:
 def lattice_rule(steps: int) -> tuple[IntArray, FloatArray, float]:
     """Return a rule for the mean over a disk on the points of a square lattice.
 
-    All points of the disk, with the weights nearest to even ones that are exact to the highest degree which leaves each
-    above LEAST of an even share.
+    It has all points of the disk, and the weights nearest to even ones that are exact to a degree. The degree is the
+    highest that leaves each weight above LEAST of an even share.
 
     Parameters
     ----------

@@ -265,8 +265,8 @@ def label_of(
 ) -> list[Label]:
     """Label waves by their polarisation.
 
-    Flexural: <|u_z|^2> above a quarter of <|u|^2> (pillars on one face mix in-plane motion into every wave), u the mean
-    through the thickness and <> the mean along the boundary lines. Else longitudinal when the plane wave
+    Let u be the mean through the thickness and <> the mean along the boundary lines. Flexural: <|u_z|^2> above a quarter
+    of <|u|^2>, since pillars on one face mix in-plane motion into every wave. Else longitudinal when the plane wave
     exp(i (k + G).r) that u resembles most has u || k + G, else shear.
 
     Parameters

@@ -281,6 +281,7 @@ def chain(rows: Iterable[RowStiffness]) -> RowStiffness:
 
 def _joined(lower: RowStiffness, upper: RowStiffness) -> RowStiffness:
     """Two stacks sharing an edge, which carries no outer force."""
+    # forces on the shared edge balance: (tt + bb) q = -(tb q_below + bt q_above)
     middle = lower.tt + upper.bb
     follow = np.linalg.solve(middle, np.hstack([lower.tb, upper.bt]))
     m = len(middle)
