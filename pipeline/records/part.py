@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, FrozenInstanceError, dataclass, field, fields, is_dataclass
 from functools import cache
+from inspect import cleandoc
 from itertools import product
 from math import isfinite
 from pathlib import Path
 from typing import Any, ClassVar, Self, dataclass_transform, get_args, get_type_hints
 
 DOCUMENT_SCHEMA = 2  # of JSON documents and of a study's list of cases
-ABOUT = "about"
+ABOUT, LIVE = "about", "live"
 BAR = "error bar of {} (half-width); None without an estimate"  # description of an error bar's column
 Axis = tuple[str, ...]
 
@@ -61,10 +62,17 @@ def bar(of: str, unit: str = "", **options: Any) -> Any:
     return column(BAR.format(of), unit, **{"default": None} | options)
 
 
-def live(*, default: Any = None, default_factory: Any = MISSING) -> Any:
+def live(about: str, unit: str = "", *, default: Any = None, default_factory: Any = MISSING) -> Any:
     """Declare a field that exists only in memory: shapes, a solved model. A result read from a file lacks it."""
     given = {"default": default} if default_factory is MISSING else {"default_factory": default_factory}
-    return field(**given, compare=False, repr=False)
+    return field(**given, compare=False, repr=False, metadata={LIVE: Column(about, unit)})
+
+
+def sentence(about: str, unit: str = "") -> str:
+    """Return a description as a sentence, with its unit before the first semicolon."""
+    first, semicolon, rest = about.partition(";")
+    head = first[:1].upper() + first[1:] if first.partition(" ")[0].rstrip(",:").isalpha() else first
+    return f"{head}{unit and f', in {unit}'}{semicolon}{rest}."
 
 
 class Frozen:
@@ -93,6 +101,7 @@ class Part:
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True)(cls)
         cls.declared = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}  # type: ignore[arg-type]
+        cls.__doc__ = _documented(cls)
 
     def __post_init__(self) -> None:
         for name in self.declared:
@@ -127,6 +136,19 @@ class Part:
     def values(self) -> dict[str, Any]:
         """Return the declared fields as JSON values."""
         return {name: _written(getattr(self, name)) for name in self.declared}
+
+
+def _documented(kind: type[Part]) -> str:
+    """Return the docstring of a part with its fields as parameters, from their declarations, before the examples."""
+    text, _, examples = cleandoc(kind.__doc__ or "").partition("\n>>> ")
+    lines = [text.rstrip(), "", "Parameters", "----------"]
+    for each in fields(kind):  # type: ignore[arg-type]
+        about = each.metadata[ABOUT if ABOUT in each.metadata else LIVE]
+        may_lack = each.default is not MISSING or each.default_factory is not MISSING
+        lines.append(f"{each.name} : {str(each.type).replace(' | ', ' or ')}{', optional' * may_lack}")
+        lines.append(f"    {sentence(about.about, about.unit)}")
+    shown = ["", "Examples", "--------", f">>> {examples}"] if examples else []
+    return "\n".join([*lines, *shown, ""])
 
 
 @cache

@@ -28,7 +28,7 @@ UNIT_NAME = re.compile(
 )
 UNIT = re.compile(
     r"\b(metres?|mm|µm|um|m|m\^?[234]|Hz|kHz|rad(/[sm])?|radians?|Pa|GPa|kg(/\w+)?|s|seconds?|N(/\w+)?|V|volts?|dB|degrees?"
-    r"|bytes|GiB|dimensionless|relative(ly)?|ratios?|fractions?|factors?|shares?|scaled|normalised|pixels?|counts?|numbers?)\b"
+    r"|W|mW|bytes|GiB|dimensionless|relative(ly)?|ratios?|fractions?|factors?|shares?|scaled|normalised|pixels?|counts?|numbers?)\b"
     r"|[Uu]nits?\b|\b(per|times)\b|1/\w|%|/m|\d"
 )
 NUMBER, ARRAY = re.compile(r"\b(float|complex)\b"), re.compile(r"array", re.IGNORECASE)
