@@ -219,7 +219,7 @@ class Step(Square):
 
         Raises GeometryError when the file is missing or unreadable, open, not one solid, or not standing on z = 0.
         """
-        solid = step_pillar_shape(path)
+        solid = _step_pillar_shape(path)
         box = solid.BoundingBox()
         foot, tip = _level_size(solid, 0.0), _level_size(solid, box.zmax)
         extent, volume = max(box.xlen, box.ylen), solid.Volume()
@@ -256,7 +256,7 @@ class Step(Square):
 
     def solid(self, height_m: float) -> Any:
         """The file's solid. GeometryError as from_file."""
-        return step_pillar_shape(self.file or "")
+        return _step_pillar_shape(self.file or "")
 
 
 class Round(PillarShape):
@@ -399,7 +399,7 @@ class Tapered(Square):
         return cq.Workplane().rect(base, base).workplane(offset=height_m / MM).rect(tip, tip).loft(ruled=True).val()
 
 
-def step_pillar_shape(path: str | os.PathLike[str]) -> Any:
+def _step_pillar_shape(path: str | os.PathLike[str]) -> Any:
     """The one solid of a STEP file (cadquery, mm) once it is known to stand on z = 0; errors as Step.from_file."""
     file = Path(path)
     try:

@@ -68,10 +68,15 @@ def read_mesh(file: str, unit: str = "m", merge: float = 0.0) -> MeshFile:
     ----------
     file : str
         Path of a .med, .msh or .inp file.
-    unit : str
-        Unit of its lengths, "m" or "mm".
-    merge : float
-        Nodes closer than this, in the file's unit, become one; 0 leaves all as they are.
+    unit : {'m', 'mm'}, optional
+        Unit of its lengths.
+    merge : float, optional
+        Distance in the file's unit below which nodes become one; 0 leaves all as they are.
+
+    Returns
+    -------
+    MeshFile
+        The mesh in m, and findings about the file.
 
     Raises
     ------

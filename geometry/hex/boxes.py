@@ -51,7 +51,7 @@ def hex_mesh(boxes: Boxes, order: int) -> Mesh:
     `touch` is the lowest body's underside where nothing hangs; `back`, its top, is not named, since pillars stand there.
     """
     solid, full = _solid_elements(boxes, order)
-    lines = [nodal_line(axis, order) for axis in (boxes.x, boxes.y, boxes.z)]
+    lines = [_nodal_line(axis, order) for axis in (boxes.x, boxes.y, boxes.z)]
     counts = [len(line) for line in lines]
     used, cells = np.unique(full, return_inverse=True)
     cells = cells.reshape(len(solid), -1).astype(np.int64)
@@ -75,12 +75,12 @@ def _solid_elements(boxes: Boxes, order: int) -> tuple[IntArray, IntArray]:
     return solid, full.reshape(len(solid), -1)
 
 
-def used_nodes(boxes: Boxes, order: int) -> IntArray:
+def _used_nodes(boxes: Boxes, order: int) -> IntArray:
     """Numbers in the full grid of the nodes of `hex_mesh`, in its order, x fastest."""
     return np.unique(_solid_elements(boxes, order)[1])
 
 
-def nodal_line(lines: FloatArray, order: int) -> FloatArray:
+def _nodal_line(lines: FloatArray, order: int) -> FloatArray:
     """Coordinates of the nodes of elements of an order along one axis."""
     inner = (gauss_lobatto(order) + 1.0) / 2.0
     steps = lines[:-1, None] + np.diff(lines)[:, None] * inner[None, :-1]
@@ -178,7 +178,7 @@ def interpolation(coarse: Boxes, fine: Boxes, order: int, coarse_order: int | No
         _along_a_line(one, other, lower, order)
         for one, other in zip((coarse.x, coarse.y, coarse.z), (fine.x, fine.y, fine.z), strict=True)
     ]
-    own, theirs = used_nodes(fine, order), used_nodes(coarse, lower)
+    own, theirs = _used_nodes(fine, order), _used_nodes(coarse, lower)
     counts = [len(line[0]) for line in lines]
     columns, weights = np.zeros((len(own), 1), dtype=np.int64), np.ones((len(own), 1))
     stride = 1
@@ -200,7 +200,7 @@ def _along_a_line(
     coarse: FloatArray, fine: FloatArray, order: int, fine_order: int
 ) -> tuple[IntArray, FloatArray, int]:
     """Coarse nodes and weights (fine nodes, order + 1) along one axis, and the number of coarse nodes."""
-    inner, points = (gauss_lobatto(order) + 1.0) / 2.0, nodal_line(fine, fine_order)
+    inner, points = (gauss_lobatto(order) + 1.0) / 2.0, _nodal_line(fine, fine_order)
     element = np.clip(np.searchsorted(coarse, points, side="right") - 1, 0, len(coarse) - 2)
     local = (points - coarse[element]) / np.diff(coarse)[element]
     if local.min() < -SAME or local.max() > 1.0 + SAME:

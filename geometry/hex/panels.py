@@ -114,9 +114,9 @@ class VariedPanel:
         if self.pillar.form.plan not in PLANS:
             return self._shifted(shifts, change)
         grown, shift_m = 1.0 + change.side_m / self.pillar.base_m, (change.x_m, change.y_m)
-        patches = foot_patches(self._whole, self.pillar, self.settings, grown, shift_m)
-        z = lines_along_z(self.thickness_m, self.pillar, self.settings)
-        return relaid(self._patched, patches, self._raised(z, change), self.thickness_m)
+        patches = _foot_patches(self._whole, self.pillar, self.settings, grown, shift_m)
+        z = _lines_along_z(self.thickness_m, self.pillar, self.settings)
+        return _relaid(self._patched, patches, self._raised(z, change), self.thickness_m)
 
     def _raised(self, z: FloatArray, change: PillarChange) -> FloatArray:
         """Places along z, those above the plate stretched to the changed height."""
@@ -139,7 +139,7 @@ class VariedPanel:
             boxes = unfolded(boxes, axis)
         taper = 1.0 if self.pillar.is_made_of_boxes else self.pillar.form.taper
         mesh = hex_mesh(boxes, self.settings.order)
-        return leaning(mesh, foot_from_middle(self.panel), self.thickness_m, self.pillar.height_m, taper)
+        return leaning(mesh, _foot_from_middle(self.panel), self.thickness_m, self.pillar.height_m, taper)
 
     def _shifted(self, shifts: tuple[_Shift, _Shift], change: PillarChange) -> Mesh:
         """Lines along the axes go along with the foot: the plate's nodes piecewise linearly between the panel's sides and the
@@ -166,7 +166,7 @@ class _Shift:
         """A foot flush with a side stays so and grows to the other side."""
         edge = (panel.high[axis] - panel.low[axis]) / 2.0
         half, grown = pillar.form.extent_m()[axis] / 2.0, 1.0 + change.side_m / pillar.base_m
-        ends, centre = np.array([-half, half]), foot_from_middle(panel)[axis]
+        ends, centre = np.array([-half, half]), _foot_from_middle(panel)[axis]
         feet, moved = centre + ends, centre + (change.x_m, change.y_m)[axis] + grown * ends
         flush = np.abs(np.abs(feet) - edge) < FLUSH_M
         if flush.any():
@@ -231,7 +231,7 @@ def beside(under_x: FloatArray, under_y: FloatArray, lines: tuple[FloatArray, Fl
             yield Patch(u, v, straight, _filled(u, v), block)
 
 
-def reflected(patch: Patch, signs: tuple[int, int], origin: FloatArray) -> Patch:
+def _reflected(patch: Patch, signs: tuple[int, int], origin: FloatArray) -> Patch:
     """The mirror image of a patch in the axes whose sign is -1, about an origin (2,); its elements keep their handedness."""
     place, flip = patch.place, signs[0] * signs[1]
 
@@ -283,7 +283,7 @@ def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) ->
     return PatchedMesh(mesh, grids, numbers)
 
 
-def relaid(still: PatchedMesh, patches: list[Patch], z: FloatArray, thickness: float) -> Mesh:
+def _relaid(still: PatchedMesh, patches: list[Patch], z: FloatArray, thickness: float) -> Mesh:
     """The mesh with its nodes where other patches, as many and cut alike, and other lines along z put them."""
     mesh, nodes = still.mesh, np.empty_like(still.mesh.nodes)
     for patch, own in zip(patches, still.numbers, strict=True):
@@ -316,10 +316,10 @@ def panel_mesh(panel: Panel, thickness_m: float, pillar: Pillar | None, settings
         raise MeshError(f"hexahedra cannot follow a {own.shape} pillar in a panel of this size")
     if own.form.plan == "rectangle":
         prism = _of_boxes(replace(panel, pillar=square_of(own)), thickness_m, None, settings)
-        frustum = leaning(prism.mesh, foot_from_middle(panel), thickness_m, own.height_m, own.form.taper)
+        frustum = leaning(prism.mesh, _foot_from_middle(panel), thickness_m, own.height_m, own.form.taper)
         return replace(prism, mesh=frustum)
-    z = lines_along_z(thickness_m, own, settings)
-    return joined(foot_patches(panel, own, settings), z, thickness_m, settings.order)
+    z = _lines_along_z(thickness_m, own, settings)
+    return joined(_foot_patches(panel, own, settings), z, thickness_m, settings.order)
 
 
 def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> csr_array:
@@ -354,7 +354,7 @@ def square_of(pillar: Pillar) -> Pillar:
     return replace(pillar, shape=Square.name, tip_m=pillar.base_m, fillet_m=0.0, file=None, more_m=())
 
 
-def foot_patches(
+def _foot_patches(
     panel: Panel, pillar: Pillar, settings: HexSettings, grown: float = 1.0, shift_m: tuple[float, float] = (0.0, 0.0)
 ) -> list[Patch]:
     """Quadrants about the foot, as many as the panel is not halved along.
@@ -362,7 +362,7 @@ def foot_patches(
     Of a pillar `grown` times as wide that stands off its place by `shift_m` the same patches, in the same block of the plate.
     """
     quadrant, rim = PLANS[pillar.form.plan]
-    half, origin, grading, patches = pillar.base_m / 2.0, foot_from_middle(panel), settings.grading, []
+    half, origin, grading, patches = pillar.base_m / 2.0, _foot_from_middle(panel), settings.grading, []
     x_ends, y_ends = _ends(panel)
     places = [((x, y), (x_end, y_end)) for x, x_end in x_ends.items() for y, y_end in y_ends.items()]
     blocks = [_block(half, rim, ends) for _, ends in places]
@@ -371,11 +371,11 @@ def foot_patches(
         less = signs[0] * shift_m[0], signs[1] * shift_m[1]
         beside = _beyond(block[0], ends[0], grading) - less[0], _beyond(block[1], ends[1], grading) - less[1]
         own = quadrant(grown * half, (block[0] - less[0], block[1] - less[1]), replace(shared, beside=beside))
-        patches += [reflected(patch, signs, origin + np.array(shift_m)) for patch in own]
+        patches += [_reflected(patch, signs, origin + np.array(shift_m)) for patch in own]
     return patches
 
 
-def lines_along_z(thickness_m: float, pillar: Pillar, settings: HexSettings) -> FloatArray:
+def _lines_along_z(thickness_m: float, pillar: Pillar, settings: HexSettings) -> FloatArray:
     """Lines through the plate and along its pillar, and along its mirror image below."""
     both, high = pillar.faces == 2, thickness_m + pillar.height_m
     z = grid_lines({0.0: both, thickness_m: True}, settings.through_grading(thickness_m))
@@ -384,7 +384,7 @@ def lines_along_z(thickness_m: float, pillar: Pillar, settings: HexSettings) -> 
     return np.concatenate([below, z, along[1:]])
 
 
-def foot_from_middle(panel: Panel) -> FloatArray:
+def _foot_from_middle(panel: Panel) -> FloatArray:
     """The foot's centre from the panel's middle, (2,) m."""
     assert panel.foot is not None
     return np.array(panel.foot) - np.array(panel.middle)

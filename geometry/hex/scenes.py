@@ -51,7 +51,7 @@ def grid_lines(breaks: dict[float, bool], grading: Grading) -> FloatArray:
     return np.concatenate([[points[0][0]], *panels])
 
 
-def interval_count(breaks: dict[float, bool], grading: Grading) -> int:
+def _interval_count(breaks: dict[float, bool], grading: Grading) -> int:
     """Intervals of `grid_lines`, counted without making them."""
     return sum(_even_count(a, b, grading) + len(grading.cuts) * (a[1] + b[1]) for a, b in pairwise(_merged(breaks)))
 
@@ -364,16 +364,16 @@ class BoxCounts:
 
 def box_counts(scene: Scene, order: int) -> BoxCounts:
     """Sizes of `hex_mesh(boxes_of(scene), order)`."""
-    up = interval_count(scene.z, scene.through)
+    up = _interval_count(scene.z, scene.through)
     if scene.body is None:
-        whole = (interval_count(scene.x, scene.across),), (interval_count(scene.y, scene.across),)
+        whole = (_interval_count(scene.x, scene.across),), (_interval_count(scene.y, scene.across),)
         blocks = [Block(*whole, up)]
     else:
         blocks = [_block(scene, np.zeros((1, 2)), part, up, False, sign) for sign, part in _union(scene.body)]
     if scene.above is not None and scene.along is not None:
         for foot in scene.feet:
             span = {z: graded for z, graded in scene.above.items() if foot.bottom_m <= z <= foot.top_m}
-            up, alone = interval_count(span, scene.along), foot.below is None
+            up, alone = _interval_count(span, scene.along), foot.below is None
             own = [_block(scene, foot.centres, part, up, alone, sign) for sign, part in _union(foot.rectangles)]
             own += [_block(scene, foot.centres, part, 0, False, -sign) for sign, part in _shared(foot)]
             blocks += own * scene.faces
@@ -414,5 +414,5 @@ def _counts(breaks: dict[float, bool], centres: FloatArray, side: FloatArray, gr
         start, end = max(low, centre + side[0]) - slack, min(high, centre + side[1]) + slack
         within = {place: graded for place, graded in breaks.items() if start <= place <= end}
         if within:
-            counts.append(interval_count(within, grading))
+            counts.append(_interval_count(within, grading))
     return tuple(counts)

@@ -97,7 +97,7 @@ class Columns:
         return np.where(x > self.foot_m, beyond, x)
 
 
-def tet_quarter(design: Design, edge_m: float, columns: Columns, size: NearSegments) -> Mesh:
+def _tet_quarter(design: Design, edge_m: float, columns: Columns, size: NearSegments) -> Mesh:
     """The quarter x, y >= 0 of a plate of such columns. Raises MeshError for a rejected mesh."""
     body = solids.plate_solid(columns.alone(design), "xy")
     column = tet_mesh(body, edge_m, size)
@@ -198,7 +198,7 @@ def tet_plate(design: Design, edge_m: float, quarter: bool = False) -> Mesh:
         return tet_mesh(solids.plate_solid(design), edge_m)
     if columns := Columns.of(design):
         longest = max(edge_m, design.thickness_m)
-        part = tet_quarter(design, longest, columns, _finer_at_feet(columns.alone(design), edge_m, longest))
+        part = _tet_quarter(design, longest, columns, _finer_at_feet(columns.alone(design), edge_m, longest))
     else:
         part = tet_mesh(solids.plate_solid(design, "xy"), edge_m)
     return part if quarter else whole(part)

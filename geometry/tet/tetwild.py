@@ -47,12 +47,12 @@ def tetrahedralize(request: dict[str, Any]) -> tuple[FloatArray, IntArray]:
         vertices, cells = answer["vertices"], answer["cells"]
     if not len(cells):
         raise MeshError("pytetwild returned no tetrahedra")
-    flipped = tet_volumes(vertices, cells) < 0.0  # cells of positive volume are returned
+    flipped = _tet_volumes(vertices, cells) < 0.0  # cells of positive volume are returned
     cells[flipped, :2] = cells[flipped, 1::-1]
     return vertices, cells
 
 
-def tet_volumes(vertices: FloatArray, cells: IntArray) -> FloatArray:
+def _tet_volumes(vertices: FloatArray, cells: IntArray) -> FloatArray:
     """Signed volumes of straight tetrahedra, shape (m,)."""
     corners = vertices[cells[:, :4]]
     return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0)
@@ -63,7 +63,7 @@ def tet_quality(vertices: FloatArray, cells: IntArray) -> FloatArray:
 
     Source: liu1994.
     """
-    volumes = tet_volumes(vertices, cells)
+    volumes = _tet_volumes(vertices, cells)
     corners = vertices[cells[:, :4]]
     edges = corners[:, [0, 1, 0, 0, 1, 2]] - corners[:, [1, 2, 2, 3, 3, 3]]
     squares = np.maximum((edges**2).sum(axis=(1, 2)), np.finfo(float).tiny)
