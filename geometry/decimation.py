@@ -135,6 +135,8 @@ def _sharpness(points: FloatArray, facets: IntArray) -> FloatArray:
     outward = _unit(np.cross(points[ends[:, 1]] - points[ends[:, 0]], normal[owner]))
     for end in ends.T:
         np.add.at(spread, end, outward[:, :, None] * outward[:, None, :])
+    # Mean of n n' over the normals n around a vertex: its largest eigenvalue is 1 where they are parallel, less otherwise.
+    # At a rim, the outward normal within the facet counts as one more direction.
     spread /= np.maximum(np.trace(spread, axis1=1, axis2=2), 1e-300)[:, None, None]
     return np.asarray(np.round(1.0 - np.linalg.eigvalsh(spread)[:, 2], 3))
 

@@ -22,10 +22,22 @@ ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fracti
 
 
 def half_wavelength_m(length_m: float, nodal_lines: int) -> float | None:
-    """Half-wavelength of the free-free beam shape with N nodal lines along a length L: L/(N - 1/2), m; None for rigid shapes.
+    """Compute the half-wavelength L/(N - 1/2) of the free-free beam shape with N nodal lines along a length L.
 
-    cosh kL cos kL = 1 has its roots at kL = (N - 1/2) pi, to 0.4 % at N = 2 and better beyond: the free ends take half a
-    half-wave less than N. What is counted by lines, such as elements, goes by L/N.
+    cosh kL cos kL = 1 has its roots at kL = (N - 1/2) pi, to 0.4 % at N = 2 and better beyond: the free ends take half
+    a half-wavelength less than N. A count of lines, such as that of elements, follows L/N instead.
+
+    Parameters
+    ----------
+    length_m : float
+        Length L in m.
+    nodal_lines : int
+        Number N of nodal lines.
+
+    Returns
+    -------
+    float or None
+        Half-wavelength in m; None for the rigid shapes N = 0 and 1.
     """
     return length_m / (nodal_lines - 0.5) if nodal_lines > 1 else None
 
@@ -165,7 +177,20 @@ class Pillar:
 
 
 def region_materials(stack: Stack, pillar: Pillar | None) -> dict[str, Material]:
-    """The material of each region that a mesh of a plate with such pillars may have."""
+    """Return the material of each region that a mesh of a plate with such pillars may have.
+
+    Parameters
+    ----------
+    stack : Stack
+        Layers of the plate.
+    pillar : Pillar or None
+        Pillar on the plate.
+
+    Returns
+    -------
+    dict of Material
+        Materials by region: those of the stack, body, pillar and tip.
+    """
     own = pillar.material if pillar else stack.back
     tip = pillar.tip.material if pillar and pillar.tip else own
     return stack.regions | {"body": stack.back, "pillar": own, "tip": tip}
@@ -435,7 +460,18 @@ class Patches:
 
 
 def mirrored_axes(boxes_m: FloatArray) -> tuple[bool, bool]:
-    """Whether footprints (n, 4), as from boxes_m, are together their own mirror image along x and along y."""
+    """Check whether footprints together are their own mirror image.
+
+    Parameters
+    ----------
+    boxes_m : ndarray, shape (n, 4)
+        Rectangles x0, x1, y0, y1 in m.
+
+    Returns
+    -------
+    along_x, along_y : bool
+        Whether reflecting x, or y, maps the set of rectangles onto itself.
+    """
     images = -boxes_m[:, [1, 0]], -boxes_m[:, [3, 2]]
     x, y = np.hstack([images[0], boxes_m[:, 2:]]), np.hstack([boxes_m[:, :2], images[1]])
     x_apart, y_apart = (np.abs(boxes_m[:, None] - image[None]).max(axis=2).min(axis=1) for image in (x, y))
@@ -445,10 +481,28 @@ def mirrored_axes(boxes_m: FloatArray) -> tuple[bool, bool]:
 def antinode_places(
     inner_m: tuple[float, ...], length_m: float, size_m: tuple[float, float, float], ends: bool
 ) -> tuple[tuple[tuple[float, float], ...], tuple[float, ...]]:
-    """Centres (x, 0) and lengths along x of patches on the antinodes of a strip of this length, m.
+    """Place patches on the antinodes of a strip.
 
-    inner_m: the inner antinodes from the strip's centre, ascending. With ends, one patch more at each free end, flush
-    with it, at most as long as the others and one patch thickness away from its neighbour.
+    With `ends`, one more patch lies flush with each free end. It is at most as long as the others and one patch
+    thickness away from its neighbour.
+
+    Parameters
+    ----------
+    inner_m : tuple of float
+        Inner antinodes from the strip's centre, ascending, in m.
+    length_m : float
+        Length of the strip in m.
+    size_m : tuple of float
+        Length, width and thickness of a patch in m.
+    ends : bool
+        Whether to add patches at both ends.
+
+    Returns
+    -------
+    centres : tuple of tuple of float
+        Centres (x, 0) in m.
+    lengths : tuple of float
+        Lengths along x in m.
     """
     size = size_m[0]
     places = [(x, size) for x in inner_m]

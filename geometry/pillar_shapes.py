@@ -419,7 +419,13 @@ def _step_pillar_shape(path: str | os.PathLike[str]) -> Any:
 
 
 def register(*shapes: type[PillarShape]) -> None:
-    """Make shapes known by their names, before a case file is read."""
+    """Make shapes known by their names, before a case file is read.
+
+    Parameters
+    ----------
+    *shapes : type
+        Subclasses of PillarShape.
+    """
     SHAPES.update({shape.name: shape for shape in shapes})
 
 
@@ -494,19 +500,68 @@ register(Square, Round, Tapered, Hexagonal, Cross, Step)
 
 
 def shape_of(name: str, width_m: float, tip_m: float, more: Any = (), file: str | None = None) -> PillarShape:
-    """The shape of a name with its sizes in m. GeometryError for an unknown name."""
+    """Return the shape of a name with its sizes.
+
+    Parameters
+    ----------
+    name : str
+        Name of a registered shape, such as square.
+    width_m, tip_m : float
+        Widths of the foot and of the tip in m.
+    more : iterable, optional
+        Further sizes in m, as pairs of name and size.
+    file : str, optional
+        CAD file of the shape.
+
+    Returns
+    -------
+    PillarShape
+        The shape.
+
+    Raises
+    ------
+    GeometryError
+        For an unknown name.
+    """
     if name not in SHAPES:
         raise GeometryError(f"pillar shape '{name}' is not one of {', '.join(SHAPES)}")
     return SHAPES[name](width_m, tip_m, tuple(more), file)
 
 
 def stored_shape(record: Mapping[str, Any]) -> PillarShape:
-    """The shape of a pillar as records describe it: shape, base_m, tip_m and its further sizes by name."""
+    """Return the shape of a pillar as records describe it.
+
+    Parameters
+    ----------
+    record : mapping
+        Name `shape`, widths `base_m` and `tip_m`, and further sizes in m by name.
+
+    Returns
+    -------
+    PillarShape
+        The shape.
+
+    Raises
+    ------
+    GeometryError
+        For an unknown name.
+    """
     more = tuple((name, size) for name, size in record.items() if isinstance(size, float))
     return shape_of(record["shape"], record["base_m"], record["tip_m"], more)
 
 
 def in_words(names: Mapping[str, Any] | None = None) -> str:
-    """Shapes as a message lists them: square, round or step."""
+    """List shapes as a message does, such as "square, round or step".
+
+    Parameters
+    ----------
+    names : mapping, optional
+        Shapes by name; all registered ones by default.
+
+    Returns
+    -------
+    str
+        The names.
+    """
     *first, last = names or SHAPES
     return f"{', '.join(first)} or {last}" if first else last

@@ -23,7 +23,7 @@ Groups = tuple[int, ...]  # numbers of the physical groups that an element is in
 
 
 def gmsh_places(cell_type: str) -> list[list[int]]:
-    """Return the corners behind each of Gmsh's nodes, which the node is the middle of.
+    """Return the corners that each of Gmsh's nodes is the middle of.
 
     They stand in ascending order, except for faces and the last two edges of a tetrahedron.
 

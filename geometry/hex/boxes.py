@@ -46,9 +46,22 @@ class Boxes:
 
 
 def hex_mesh(boxes: Boxes, order: int) -> Mesh:
-    """Mesh of every solid box, with the faces touch, back, x-, x+, y-, y+ of the lowest body.
+    """Mesh every solid box of a grid by one hexahedron.
 
-    `touch` is the lowest body's underside where nothing hangs; `back`, its top, is not named, since pillars stand there.
+    Faces are x-, x+, y-, y+ and top on the sides of the grid, and touch, the underside of the lowest body where nothing
+    hangs.
+
+    Parameters
+    ----------
+    boxes : Boxes
+        Grid with the solid boxes marked.
+    order : int
+        Order of the elements, 1 to 4.
+
+    Returns
+    -------
+    Mesh
+        Hexahedra in m, with a region per body.
     """
     solid, full = _solid_elements(boxes, order)
     lines = [_nodal_line(axis, order) for axis in (boxes.x, boxes.y, boxes.z)]
@@ -108,7 +121,18 @@ def _outer_faces(mesh: Mesh, boxes: Boxes, solid: IntArray) -> dict[str, IntArra
 
 
 def boxes_of(scene: Scene) -> Boxes:
-    """The tensor grid of a scene, with its solid boxes marked."""
+    """Make the tensor grid of a scene, with its solid boxes marked.
+
+    Parameters
+    ----------
+    scene : Scene
+        Breakpoints in m, gradings and feet.
+
+    Returns
+    -------
+    Boxes
+        Grid in m.
+    """
     lines_x, lines_y = grid_lines(scene.x, scene.across), grid_lines(scene.y, scene.across)
     z = grid_lines(scene.z, scene.through)
     layers = len(z) - 1
@@ -169,9 +193,26 @@ SAME = 1e-9  # a weight below is zero: the point lies on a node or on a line of 
 
 
 def interpolation(coarse: Boxes, fine: Boxes, order: int, coarse_order: int | None = None) -> csr_array:
-    """Matrix (fine nodes, coarse nodes) that carries a field exactly from a mesh of boxes to one of `order` nested in it.
+    """Build the matrix that carries a field exactly from a mesh of boxes to one nested in it.
 
-    Raises MeshError where the coarse mesh does not cover a node of the fine one.
+    Parameters
+    ----------
+    coarse, fine : Boxes
+        Grids; every line of the coarse one is a line of the fine one.
+    order : int
+        Order of the fine mesh.
+    coarse_order : int, optional
+        Order of the coarse mesh, at most `order`; `order` by default.
+
+    Returns
+    -------
+    csr_array, shape (fine nodes, coarse nodes)
+        Values of the coarse shape functions at the fine nodes.
+
+    Raises
+    ------
+    MeshError
+        If the coarse mesh does not cover a node of the fine one.
     """
     lower = coarse_order or order
     lines = [

@@ -188,12 +188,39 @@ class _Shift:
 
 
 def straight(u: FloatArray, v: FloatArray) -> FloatArray:
-    """A patch whose coordinates are places."""
+    """Place a patch whose coordinates are places.
+
+    Parameters
+    ----------
+    u, v : ndarray, shape (n,)
+        Coordinates x and y.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Places.
+    """
     return np.column_stack([u, v])
 
 
 def disc(radius: float, block: tuple[float, float], lines: PlanLines) -> Iterator[Patch]:
-    """The quadrant x, y >= 0 about a round foot: its middle, a ring, the rest of the block, and the surrounding plate."""
+    """Yield the patches of the quadrant x, y >= 0 about a round foot: middle, ring, rest of the block, and the
+    plate.
+
+    Parameters
+    ----------
+    radius : float
+        Radius of the foot, in the unit of `lines.beside` (m in `panel_mesh`).
+    block : tuple of float
+        Half-widths of the block about the foot along x and y, in the same unit.
+    lines : PlanLines
+        Lines of the patches.
+
+    Yields
+    ------
+    Patch
+        A patch about the foot's centre.
+    """
     turn = lines.turn
 
     def middle(u: FloatArray, v: FloatArray) -> FloatArray:
@@ -212,7 +239,22 @@ def disc(radius: float, block: tuple[float, float], lines: PlanLines) -> Iterato
 
 
 def hexagon(flat: float, block: tuple[float, float], lines: PlanLines) -> Iterator[Patch]:
-    """The quadrant x, y >= 0 about a hexagonal foot with flats at y = +-`flat`, whose quarter has four corners of its own."""
+    """Yield the patches of the quadrant x, y >= 0 about a hexagonal foot, whose quarter is one patch of four corners.
+
+    Parameters
+    ----------
+    flat : float
+        Distance of the flats y = +-flat from the centre, in the unit of `lines.beside` (m in `panel_mesh`).
+    block : tuple of float
+        Half-widths of the block about the foot along x and y, in the same unit.
+    lines : PlanLines
+        Lines of the patches.
+
+    Yields
+    ------
+    Patch
+        A patch about the foot's centre.
+    """
     corner, inner = CORNERS * flat, lines.inner
 
     def quarter(u: FloatArray, v: FloatArray) -> FloatArray:
@@ -224,7 +266,20 @@ def hexagon(flat: float, block: tuple[float, float], lines: PlanLines) -> Iterat
 
 
 def beside(under_x: FloatArray, under_y: FloatArray, lines: tuple[FloatArray, FloatArray]) -> Iterator[Patch]:
-    """The plate around a block whose edges have these lines: both arms and the corner."""
+    """Yield the patches of the plate around a block: two arms and the corner.
+
+    Parameters
+    ----------
+    under_x, under_y : ndarray, shape (n,)
+        Lines of the block's edges along x and y.
+    lines : tuple of ndarray, shape (m,)
+        Lines beyond the block along x and y; fewer than two where there is no plate.
+
+    Yields
+    ------
+    Patch
+        A straight patch without a pillar.
+    """
     x, y = lines
     for u, v, block in ((x, under_y, (False, True)), (under_x, y, (True, False)), (x, y, (False, False))):
         if len(u) > 1 and len(v) > 1:
@@ -244,8 +299,23 @@ def _reflected(patch: Patch, signs: tuple[int, int], origin: FloatArray) -> Patc
 
 
 def leaning(mesh: Mesh, centre: FloatArray, thickness: float, height: float, taper: float) -> Mesh:
-    """The mesh with the pillar about a centre (2,), and its image below the plate, narrowed or widened linearly, to `taper`
-    times its width at its height.
+    """Taper the pillar of a mesh, and its image below the plate, linearly with its height.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh with a prismatic pillar.
+    centre : ndarray, shape (2,)
+        Centre of the foot, in the unit of the mesh.
+    thickness, height : float
+        Thickness of the plate and height of the pillar, in the same unit.
+    taper : float
+        Width of the pillar at its height, relative to its foot.
+
+    Returns
+    -------
+    Mesh
+        Mesh with moved nodes and without `spans`; the mesh itself for a taper of 1.
     """
     if taper == 1.0:
         return mesh
@@ -255,10 +325,30 @@ def leaning(mesh: Mesh, centre: FloatArray, thickness: float, height: float, tap
 
 
 def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) -> PatchedMesh:
-    """One mesh of all patches pulled up along z, nodes in the same place made one; the pillar stands above the thickness and
-    hangs below 0.
+    """Extrude patches along z and join them into one mesh.
 
-    MeshError where two patches do not meet node for node.
+    Nodes in the same place become one. The pillar stands above the thickness and hangs below 0.
+
+    Parameters
+    ----------
+    patches : list of Patch
+        Patches in plan, which meet node for node.
+    z : ndarray, shape (n,)
+        Ascending lines along z, in the unit of the patches.
+    thickness : float
+        Thickness of the plate, in the same unit.
+    order : int
+        Order of the elements, 1 to 4.
+
+    Returns
+    -------
+    PatchedMesh
+        The mesh, and the grid and node numbers of each patch.
+
+    Raises
+    ------
+    MeshError
+        If two patches do not meet node for node.
     """
     grids = tuple(boxes_of_patch(patch, z, thickness) for patch in patches)
     own = [hex_mesh(grid, order) for grid in grids]
@@ -292,7 +382,22 @@ def _relaid(still: PatchedMesh, patches: list[Patch], z: FloatArray, thickness: 
 
 
 def boxes_of_patch(patch: Patch, z: FloatArray, thickness: float) -> Boxes:
-    """The grid of a patch in its own two coordinates and z."""
+    """Make the grid of a patch in its own two coordinates and z.
+
+    Parameters
+    ----------
+    patch : Patch
+        Patch in plan.
+    z : ndarray, shape (n,)
+        Ascending lines along z.
+    thickness : float
+        Thickness of the plate, in the unit of z.
+
+    Returns
+    -------
+    Boxes
+        Grid with regions plate and pillar.
+    """
     middle = (z[1:] + z[:-1]) / 2.0
     region = np.where((middle > thickness) | (middle < 0.0), np.where(patch.inside[:, :, None] > 0.0, 1, -1), 0)
     return Boxes(patch.u, patch.v, z, region, ("plate", "pillar"))
@@ -305,9 +410,28 @@ PLANS: dict[str, tuple[Quadrant, tuple[float, float]]] = {
 
 
 def panel_mesh(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> PatchedMesh:
-    """A rectangular panel, its own middle at the origin, with its pillar where it has one.
+    """Mesh a rectangular panel with its pillar, if any, and its middle at the origin.
 
-    MeshError for a pillar or a place that hexahedra cannot follow.
+    Parameters
+    ----------
+    panel : Panel
+        Corners and foot in m; along the axes in `halved` only the positive side is meshed.
+    thickness_m : float
+        Thickness of the plate in m.
+    pillar : Pillar or None
+        Pillar of a panel that does not name its own.
+    settings : HexSettings
+        Order, element sizes and grading.
+
+    Returns
+    -------
+    PatchedMesh
+        The mesh in m, and the grid and node numbers of each patch.
+
+    Raises
+    ------
+    MeshError
+        For a pillar or a place that hexahedra cannot follow.
     """
     own = panel.pillar or pillar
     if panel.foot is None or own is None or own.is_made_of_boxes:
@@ -323,7 +447,23 @@ def panel_mesh(panel: Panel, thickness_m: float, pillar: Pillar | None, settings
 
 
 def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> csr_array:
-    """Matrix (fine nodes, coarse nodes) that carries a field from a panel's mesh to a finer one nested in the same lines."""
+    """Build the matrix that carries a field from a panel's mesh to a finer one nested in the same lines.
+
+    Parameters
+    ----------
+    coarse, fine : PatchedMesh
+        Meshes of the same patches.
+
+    Returns
+    -------
+    csr_array, shape (fine nodes, coarse nodes)
+        Values of the coarse shape functions at the fine nodes.
+
+    Raises
+    ------
+    MeshError
+        If the meshes are not nested.
+    """
     shape = len(fine.mesh.nodes), len(coarse.mesh.nodes)
     rows, columns, weights, known = [], [], [], np.zeros(shape[0], dtype=bool)
     for one, other, own, theirs in zip(coarse.boxes, fine.boxes, fine.numbers, coarse.numbers, strict=True):
@@ -339,7 +479,20 @@ def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> csr_array:
 
 
 def has_room(panel: Panel, pillar: Pillar) -> bool:
-    """Whether the panel leaves elements about its foot some plate between rim and side."""
+    """Check that elements about a foot have some plate between rim and side.
+
+    Parameters
+    ----------
+    panel : Panel
+        Corners and foot in m.
+    pillar : Pillar
+        Pillar on the foot.
+
+    Returns
+    -------
+    bool
+        True also for a bare panel, and for a foot that follows the lines of the grid.
+    """
     if pillar.form.plan not in PLANS or panel.foot is None:
         return True
     _, rim = PLANS[pillar.form.plan]
@@ -348,7 +501,18 @@ def has_room(panel: Panel, pillar: Pillar) -> bool:
 
 
 def square_of(pillar: Pillar) -> Pillar:
-    """A square prism as wide as a pillar's foot and as high; the pillar itself where it is made of boxes."""
+    """Return the square prism with a pillar's height and the width of its foot.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        Any pillar.
+
+    Returns
+    -------
+    Pillar
+        The prism; the pillar itself if it is made of boxes.
+    """
     if pillar.is_made_of_boxes:
         return pillar
     return replace(pillar, shape=Square.name, tip_m=pillar.base_m, fillet_m=0.0, file=None, more_m=())
@@ -391,7 +555,25 @@ def _foot_from_middle(panel: Panel) -> FloatArray:
 
 
 def unfolded(boxes: Boxes, axis: int) -> Boxes:
-    """Boxes on both sides of the mirror plane at 0 from those on its positive side. MeshError where they begin elsewhere."""
+    """Mirror boxes about the plane at 0, which bounds them.
+
+    Parameters
+    ----------
+    boxes : Boxes
+        Boxes on the positive side of the plane.
+    axis : {0, 1, 2}
+        Axis normal to the plane.
+
+    Returns
+    -------
+    Boxes
+        Boxes on both sides.
+
+    Raises
+    ------
+    MeshError
+        For boxes that do not begin at 0.
+    """
     lines = [boxes.x, boxes.y, boxes.z]
     half = lines[axis]
     if half[0] != 0.0:

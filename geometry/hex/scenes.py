@@ -41,10 +41,26 @@ class Grading:
 
 
 def grid_lines(breaks: dict[float, bool], grading: Grading) -> FloatArray:
-    """Increasing grid coordinates through all breakpoints; True marks those to grade towards.
+    """Compute grid lines through all breakpoints, graded towards singular edges.
 
-    Between two breakpoints the interval is cut evenly, then the end element next to a singular edge is cut
-    `layers` times into the fractions factor and 1 - factor. Units: m. Source of the idea: babuska1981.
+    Between two breakpoints the interval is cut evenly. Then the end element next to a singular edge is cut repeatedly
+    into the fractions `factor` and 1 - `factor`, once per layer.
+
+    Parameters
+    ----------
+    breaks : dict of bool
+        Breakpoints, in m like `grading`, as keys; True marks singular edges.
+    grading : Grading
+        Element size, layers and shrink factor.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Ascending coordinates.
+
+    References
+    ----------
+    .. [1] babuska1981 (docs/references.bib)
     """
     points = _merged(breaks)
     panels = [_interval(a, b, grading) for a, b in pairwise(points)]
@@ -168,15 +184,52 @@ class Scene:
 
 
 def zone_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The bare strip length x width x thickness, graded towards its clamped long side faces and the free ends that meet them
-    in singular corners; x, y >= 0 when quartered.
+    """Lay out the bare strip, length x width x thickness, whose long side faces are clamped.
+
+    It is graded towards the clamped faces, and towards the free ends that meet them in singular corners.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    settings : HexSettings
+        Element sizes and grading.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 only.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
     """
     x, y = (_span(size / 2.0, True, quarter) for size in (design.length_m, design.width_m))
     return Scene(x, y, {0.0: True, design.thickness_m: True}, settings.grading, settings.grading)
 
 
 def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The isolated pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim and its own inner edges."""
+    """Lay out the isolated pillar, its foot on z = 0 (face `touch`).
+
+    It is graded towards the rim of the clamped foot and its own re-entrant edges.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        Pillar made of boxes.
+    settings : HexSettings
+        Element sizes and grading.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 only.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow the pillar.
+    """
     foot = _foot(pillar)
     x, y = _edges(pillar)
     if quarter:
@@ -189,7 +242,29 @@ def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) ->
 
 
 def panel_scene(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Scene:
-    """A rectangular panel of plate, its own middle at the origin, with its pillar where it has one."""
+    """Lay out a rectangular panel of plate with its pillar, if any, and its middle at the origin.
+
+    Parameters
+    ----------
+    panel : Panel
+        Corners and foot in m; along the axes in `halved` only the positive side is kept.
+    thickness_m : float
+        Thickness of the plate in m.
+    pillar : Pillar or None
+        Pillar of a panel that does not name its own.
+    settings : HexSettings
+        Element sizes and grading.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow the pillar.
+    """
     middle = np.array(panel.middle)
     spans = []
     for axis in (0, 1):
@@ -208,8 +283,34 @@ def bonded_scene(
     back: bool,
     settings: HexSettings,
 ) -> Scene:
-    """A rectangle span_m = (x0, x1, y0, y1) of plate with its pillars and a body bonded to the rectangle box_m of its back or
-    touch face: graded towards that one's edges too, where the forces between both gather.
+    """Lay out a rectangle of plate with its pillars and a body bonded to it.
+
+    It is graded towards the edges of the body too, where the forces between both concentrate.
+
+    Parameters
+    ----------
+    span_m : ndarray, shape (4,)
+        The rectangle x0, x1, y0, y1 in m.
+    thickness_m : float
+        Thickness of the plate in m.
+    stands : tuple of PillarGroup
+        Pillars and their centres.
+    box_m : ndarray, shape (4,)
+        The bonded rectangle x0, x1, y0, y1 in m.
+    back : bool
+        Whether the body is bonded to the back of the plate, not to its touch face.
+    settings : HexSettings
+        Element sizes and grading.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow a pillar.
     """
     lines: list[dict[float, bool]] = [{}, {}]
     for breaks, ends, edges in zip(lines, span_m.reshape(2, 2), box_m.reshape(2, 2), strict=True):
@@ -219,9 +320,28 @@ def bonded_scene(
 
 
 def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:
-    """The unit cell pitch_x x pitch_y x thickness centred at the origin, its pillar in its middle.
+    """Lay out the unit cell, pitch_x x pitch_y x thickness, centred, with its pillar in the middle.
 
-    Of staggered rows the lines along y are those of the neighbouring rows, too, half a pitch on.
+    For staggered rows, the lines along y are also those of the neighbouring rows, half a pitch further along x.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    settings : HexSettings
+        Element sizes and grading.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 only.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow the pillar.
     """
     panel = replace(lattice_panel(design), halved=(0, 1) if quarter else ())
     scene = panel_scene(panel, design.thickness_m, design.pillar, settings)
@@ -233,7 +353,27 @@ def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> 
 
 
 def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The whole plate, or its quarter x, y >= 0, with every pillar; a line runs along the zone's border."""
+    """Lay out the plate with every pillar; lines run along the borders of the zones.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    settings : HexSettings
+        Element sizes and grading.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 only.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow a pillar.
+    """
     x = _span(design.length_m / 2.0, False, quarter)
     y = _span(design.half_span_m, False, quarter)
     borders = (
@@ -247,7 +387,29 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
 
 
 def part_scene(design: Design, part: str, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The zone, the isolated pillar or the plate."""
+    """Lay out one part of a design.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    part : {'zone', 'pillar', 'plate'}
+        The zone, the isolated pillar or the plate.
+    settings : HexSettings
+        Element sizes and grading.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 only.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow a pillar.
+    """
     if part == "pillar":
         assert design.pillar
         return pillar_scene(design.pillar, settings, quarter)
@@ -359,11 +521,25 @@ class BoxCounts:
     @property
     def pairs(self) -> int:
         """Ordered pairs of nodes that share an element: entries of the scalar mass, a ninth of the stiffness's."""
+        # along one axis, (order + 1)^2 pairs per element, of which neighbours share that of their common node with itself
         return sum(block.total(lambda count: count * (self.order + 1) ** 2 - (count - 1)) for block in self.blocks)
 
 
 def box_counts(scene: Scene, order: int) -> BoxCounts:
-    """Sizes of `hex_mesh(boxes_of(scene), order)`."""
+    """Count the elements and nodes of `hex_mesh(boxes_of(scene), order)` without meshing.
+
+    Parameters
+    ----------
+    scene : Scene
+        Breakpoints, gradings and feet.
+    order : int
+        Order of the elements.
+
+    Returns
+    -------
+    BoxCounts
+        Exact counts.
+    """
     up = _interval_count(scene.z, scene.through)
     if scene.body is None:
         whole = (_interval_count(scene.x, scene.across),), (_interval_count(scene.y, scene.across),)

@@ -208,12 +208,34 @@ def tet_mesh(
     epsilon: float = EPSILON_PER_EDGE,
     attempts: int = ATTEMPTS,
 ) -> Mesh:
-    """Quadratic tetrahedra of a CAD body with edges of about edge_m, or as `size` wants them, at most edge_m.
+    """Mesh a CAD body by quadratic tetrahedra.
 
-    epsilon: how far the mesher's surface may leave the CAD's before snapping, over edge_m, halved at each attempt.
-    Regions "plate", "pillar", "tip"; faces "touch", "back", "foot", "top", "x-" ... "y+" where the body has them. Raises
-    MeshError naming the worst element when every attempt fails its checks (Jacobians, orphan nodes, flat elements, volume of
-    the body and of each bonded part against CAD).
+    Regions are plate, pillar and tip; faces are touch, back, foot, top, x-, x+, y- and y+, where the body has them.
+
+    Parameters
+    ----------
+    body : Body
+        CAD body.
+    edge_m : float
+        Largest edge length in m.
+    size : NearSegments, optional
+        Edge length by place; `edge_m` everywhere by default.
+    epsilon : float, optional
+        Allowed distance of the mesher's surface from the CAD surface before snapping, relative to `edge_m`; halved at
+        each
+        attempt.
+    attempts : int, optional
+        Largest number of attempts.
+
+    Returns
+    -------
+    Mesh
+        Tetrahedra in m, of which edges on curved faces follow them.
+
+    Raises
+    ------
+    MeshError
+        If every attempt fails its checks: Jacobians, orphan nodes, flat elements, and volumes compared with CAD.
     """
     if not edge_m > 0.0:
         raise MeshError(f"edge length {edge_m:g} m must be > 0")
@@ -229,7 +251,20 @@ def tet_mesh(
 
 
 def check_parts(mesh: Mesh, body: Body) -> None:
-    """Raise MeshError when a bonded part has not its CAD volume: the mesher did not keep the face that bonds it."""
+    """Check that every bonded part has its CAD volume: otherwise the mesher did not keep the face that bonds it.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh in m with regions.
+    body : Body
+        CAD body.
+
+    Raises
+    ------
+    MeshError
+        If the volume of a part differs by more than PART_TOLERANCE.
+    """
     if not body.bonded:
         return
     volumes = {name: float(cell_volumes(mesh)[cells].sum()) for name, cells in mesh.regions.items()}
