@@ -203,7 +203,7 @@ class Plate(Frozen):
     search.__doc__ = numpydoc(
         Search,
         "vary",
-        "**ranges : tuple\n    Keys to vary, as in `with_`, each with its two ends in the unit of the key, or its two choices.",
+        "**ranges : tuple\n    Keys to vary, as in `with_`, each with two ends in the unit of the key or two choices.",
     )
 
     def explore(

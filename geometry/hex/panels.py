@@ -204,8 +204,7 @@ def straight(u: FloatArray, v: FloatArray) -> FloatArray:
 
 
 def disc(radius: float, block: tuple[float, float], lines: PlanLines) -> Iterator[Patch]:
-    """Yield the patches of the quadrant x, y >= 0 about a round foot: middle, ring, rest of the block, and the
-    plate.
+    """Yield the patches of the quadrant x, y >= 0 about a round foot: middle, ring, rest of the block, plate.
 
     Parameters
     ----------

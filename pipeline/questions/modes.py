@@ -230,7 +230,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         ax.set(xlabel="frequency (kHz)", ylabel="confinement (dB)")
 
     def fields(self) -> dict[str, Any]:
-        """Return the field of every mode, as --save-all-fields writes it into fields.npz.
+        """Return the field of every mode, as `--save-all-fields` writes it into fields.npz.
 
         Returns
         -------

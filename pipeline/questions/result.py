@@ -91,7 +91,8 @@ class stacked(property):
     """Property with a column of the main table as an array over its axes; NaN for missing values."""
 
     def __init__(self, name: str, about: str) -> None:
-        super().__init__(lambda result: result.array(name), doc=about)
+        super().__init__(lambda result: result.array(name))
+        self.__doc__ = about  # an argument `doc` would not override that of the class
 
     if TYPE_CHECKING:
 
@@ -160,7 +161,7 @@ class Result(Part):
         yield from ()
 
     def details(self) -> Iterator[str]:
-        """Yield the lines that --verbose adds.
+        """Yield the lines that `--verbose` adds.
 
         Yields
         ------
@@ -180,7 +181,7 @@ class Result(Part):
         raise NotImplementedError
 
     def pictures(self) -> list[ReportFigure]:
-        """Return the pictures for a report and --out: that of `draw`, unless a subclass has more.
+        """Return the pictures for a report and `--out`: that of `draw`, unless a subclass has more.
 
         Returns
         -------
@@ -306,7 +307,7 @@ class Result(Part):
         return outputs.dataset(rows, held)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON document that --json writes.
+        """Return the JSON document that `--json` writes.
 
         Returns
         -------
@@ -322,7 +323,7 @@ class Result(Part):
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> Self:
-        """Read the result from a document of `to_dict` or --json.
+        """Read the result from a document of `to_dict` or `--json`.
 
         Parameters
         ----------

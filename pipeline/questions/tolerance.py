@@ -52,12 +52,12 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
     confinement_db: SpreadRecord | None = column("confinements at the peaks, dB")
     confined: int | None = column("number of confined samples")
     space_check: dict[str, float | None] = column(
-        "change of one sample when solved in the space of a narrower band: peak_hz in Hz, confinement_db in dB; empty for a "
-        "batch deviation"
+        "change of one sample when solved in the space of a narrower band: peak_hz in Hz, confinement_db in dB; empty "
+        "for a batch deviation"
     )
     interpolation_check: dict[str, float | None] = column(
-        "error of the interpolation between reductions, with all pillars two standard deviations from nominal: peak_hz in "
-        "Hz, confinement_db in dB; empty for a batch deviation",
+        "error of the interpolation between reductions, with all pillars two standard deviations from nominal: peak_hz "
+        "in Hz, confinement_db in dB; empty for a batch deviation",
         default_factory=dict,
     )
     frequency_error: float | None = column(

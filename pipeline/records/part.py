@@ -109,32 +109,85 @@ class Part:
 
     @classmethod
     def of(cls, source: Any, **more: Any) -> Self:
-        """Build the part from an object's fields of the same names, and more."""
+        """Build the part from an object's fields of the same names, and more.
+
+        Parameters
+        ----------
+        source : object
+            Object whose attributes are taken.
+        **more : object
+            Further fields, which take precedence.
+
+        Returns
+        -------
+        Part
+            The part.
+        """
         known = {name: getattr(source, name) for name in cls.declared if name not in more and hasattr(source, name)}
         return cls(**known, **more)
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
-        """Read the part that `to_dict` wrote. Raises pydantic.ValidationError for unknown fields."""
+        """Read the part that `to_dict` wrote.
+
+        Parameters
+        ----------
+        given : mapping
+            JSON values by field.
+
+        Returns
+        -------
+        Part
+            The part, without the fields that exist only in memory.
+
+        Raises
+        ------
+        pydantic.ValidationError
+            For missing or unknown fields.
+        """
         read: Self = _reader(cls).validate_python(dict(given))  # type: ignore[arg-type]
         return read
 
     @classmethod
     def required(cls) -> set[str]:
-        """Return the names of the fields that every such part has."""
+        """Return the names of the fields that every such part has.
+
+        Returns
+        -------
+        set of str
+            Declared fields without a default.
+        """
         given = {each.name: each for each in fields(cls)}  # type: ignore[arg-type]
         return {n for n in cls.declared if given[n].default is MISSING and given[n].default_factory is MISSING}
 
     def stored(self) -> Self:
-        """Return the part as read back from a file: only its declared fields, nothing that exists in memory."""
+        """Return the part as read back from a file.
+
+        Returns
+        -------
+        Part
+            Copy with the declared fields, without those that exist only in memory.
+        """
         return type(self).from_dict(self.values())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the declared fields as JSON values."""
+        """Return the declared fields as JSON values.
+
+        Returns
+        -------
+        dict
+            JSON values by field.
+        """
         return self.values()
 
     def values(self) -> dict[str, Any]:
-        """Return the declared fields as JSON values."""
+        """Return the declared fields as JSON values.
+
+        Returns
+        -------
+        dict
+            JSON values by field, also for results, whose `to_dict` adds their origin.
+        """
         return {name: _written(getattr(self, name)) for name in self.declared}
 
 
