@@ -209,7 +209,7 @@ def disc(radius: float, block: tuple[float, float], lines: PlanLines) -> Iterato
     Parameters
     ----------
     radius : float
-        Radius of the foot, in the unit of `lines.beside` (m in `panel_mesh`).
+        Radius of the foot, in the unit of `lines` (m in `panel_mesh`).
     block : tuple of float
         Half-widths of the block about the foot along x and y, in the same unit.
     lines : PlanLines
@@ -243,7 +243,7 @@ def hexagon(flat: float, block: tuple[float, float], lines: PlanLines) -> Iterat
     Parameters
     ----------
     flat : float
-        Distance of the flats y = +-flat from the centre, in the unit of `lines.beside` (m in `panel_mesh`).
+        Distance of the flats y = +-flat from the centre, in the unit of `lines` (m in `panel_mesh`).
     block : tuple of float
         Half-widths of the block about the foot along x and y, in the same unit.
     lines : PlanLines

@@ -174,9 +174,9 @@ def numpydoc(question: type[Question[Any]], without: str = "", further: str = ""
     """Return the docstring of a question's method: without an option, with an entry for further keywords."""
     summary, _, examples = (inspect.getdoc(question) or "").partition("\n>>> ")
     options = [
-        f"{name} : {_type(kind_of(question, name))}, optional\n    {sentence(each.help, each.unit)}"
-        for name, each in question.options.items()
-        if name != without
+        f"{name} : {_type(kind_of(question, name))}, optional\n    {sentence(about.help, about.unit)}"
+        for name in inspect.signature(question).parameters
+        if name != without and (about := question.options.get(name))
     ]
     listed = "\n".join(["Parameters", "----------", *options, PROGRESS, *([further] if further else [])])
     of_result = (inspect.getdoc(question.result) or "").splitlines()[0]
@@ -393,6 +393,7 @@ def _function(kind: Any) -> Any:
     own = inspect.Parameter("self", inspect.Parameter.POSITIONAL_ONLY)
     method.__name__, method.__qualname__, method.__doc__ = kind.name, f"Plate.{kind.name}", numpydoc(kind)
     method.__signature__ = given.replace(  # type: ignore[attr-defined]
-        parameters=[own, *given.parameters.values()], return_annotation=kind.result
+        parameters=[own, *sorted(given.parameters.values(), key=lambda each: each.name == "progress")],
+        return_annotation=kind.result,
     )
     return method

@@ -56,7 +56,7 @@ def names() -> Iterator[str]:
             continue
         yield (whole := f"{thing.__module__}.{thing.__qualname__}")
         if inspect.isclass(thing):
-            yield from (f"{whole}.{each}" for each, own in vars(thing).items() if _is_method(thing, each, own))
+            yield from (f"{whole}.{each}" for each in vars(thing) if _is_method(thing, each, getattr(thing, each)))
 
 
 def _is_method(owner: type, name: str, own: Any) -> bool:
