@@ -15,10 +15,20 @@ from geometry.layout import Design, Pillar
 
 @dataclass(frozen=True)
 class Panel:
-    """A rectangular panel of plate from (x0, y0) to (x1, y1), lengths in m, with a pillar's centre or None.
+    """A rectangular panel of plate.
 
-    `halved` lists the axes along which only the half beyond the panel's middle is meshed (its mirrors), `free` the
-    sides (x-, x+, y-, y+) to which nothing is attached. `pillar` names the one that stands there where rows differ.
+    Attributes
+    ----------
+    low, high : tuple of float
+        Corners (x0, y0) and (x1, y1) in m.
+    foot : tuple of float or None
+        Centre (x, y) of its pillar in m; None for a bare panel.
+    halved : tuple of int
+        Axes along which only the half beyond the panel's middle is meshed, with a mirror there.
+    free : tuple of str
+        Sides (x-, x+, y-, y+) to which nothing is attached.
+    pillar : Pillar or None
+        Its pillar if rows differ; None for the design's.
     """
 
     low: tuple[float, float]
@@ -40,10 +50,20 @@ DIGITS = 9  # of a length in m: panels that agree to a nanometre are the same
 
 @dataclass(frozen=True)
 class Tiling:
-    """Grid lines x (nx + 1) and y (ny + 1) in m, symmetric about 0, and the foot in each panel, {(i, j): (x, y)}.
+    """Panels of a plate.
 
-    mirrored: whether a pillar is its own mirror image, and with it the plate. pillars: those of the rows of panels j, where
-    rows of pillars differ. lines_m: y where parts of the touch face meet.
+    Attributes
+    ----------
+    x, y : ndarray, shape (nx + 1,) or (ny + 1,)
+        Grid lines in m, symmetric about 0.
+    feet : dict of tuple
+        Centres (x, y) of the pillars in m by column and row (i, j) of their panels.
+    mirrored : bool
+        Whether every pillar, and with it the plate, is its own mirror image.
+    pillars : mapping of Pillar
+        Pillars by row j of panels if rows differ.
+    lines_m : tuple of float
+        Lines y at which parts of the touch face meet.
     """
 
     x: FloatArray

@@ -168,10 +168,26 @@ ON_BUILD_PLATE = 1e-6  # of the height
 
 @dataclass(frozen=True)
 class PrintReport:
-    """Measurements of an STL file printed with z up, SI units.
+    """Measurements of an STL file printed with z up, in SI units.
 
-    features: named lengths (m) that must be printed; overhang_deg: greatest angle of a downward face from the
-    vertical (0 without one, 90 for a ceiling); overhang_area_m2: downward faces beyond 45 degrees, build plate excepted.
+    Attributes
+    ----------
+    watertight : bool
+        Whether the surface is closed and consistently oriented.
+    bodies : int
+        Number of separate bodies.
+    volume_m3, cad_volume_m3 : float
+        Volumes of the file and of the CAD solid, in m^3.
+    features : dict of float
+        Lengths in m by name that must be printed.
+    overhang_deg : float
+        Largest angle of a downward face from the vertical: 0 without one, 90 for a ceiling.
+    overhang_area_m2 : float
+        Area of downward faces beyond 45 degrees, without those on the build plate.
+    extent_m : tuple of float
+        Sides of the bounding box.
+    mass_kg : float
+        Mass of the volume in the plate's material.
     """
 
     watertight: bool

@@ -42,9 +42,18 @@ class Box:
 class Body:
     """A CAD shape in mm with the data for a mesher, in m.
 
-    Plate from 0 to z = `thickness_m`, pillars above, or on both sides; the isolated pillar has thickness 0. `bonds` names the
-    parts ("pillar", "tip") of another material: `shape` is one cadquery solid without any, else solids that share their
-    contact faces. `tips` are the heavy tips whose material is not their pillar's.
+    The plate reaches from z = 0 to its thickness; pillars stand above it, or on both sides.
+
+    Attributes
+    ----------
+    shape : cadquery.Shape
+        One solid, or with `bonds` several solids that share their contact faces.
+    thickness_m : float
+        Thickness of the plate; 0 for the isolated pillar.
+    bonds : frozenset of str
+        Parts ("pillar", "tip") of a material other than that of the part below.
+    tips : tuple of Box
+        Heavy tips whose material is not their pillar's.
     """
 
     shape: Any
@@ -82,7 +91,21 @@ class Body:
 
 @dataclass(frozen=True)
 class CadFace:
-    """One face: its triangles, its exact surface, and whether it lies between two bonded solids."""
+    """One face of a CAD shape, lengths in mm.
+
+    Attributes
+    ----------
+    surface : ShapeAnalysis_Surface or None
+        Exact surface of a curved face; None for a plane.
+    corners : ndarray, shape (m, 3, 3)
+        Corners of its triangles.
+    inner : bool
+        Whether it lies between two bonded solids.
+    normal : ndarray, shape (3,), or None
+        Unit normal n of a plane n . x = offset; None for a curved face.
+    offset : float
+        Distance of a plane from the origin along its normal, in mm.
+    """
 
     surface: Any
     corners: FloatArray

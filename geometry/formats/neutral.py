@@ -133,9 +133,20 @@ def require_file(file: Path) -> None:
 
 @dataclass(frozen=True)
 class RawMesh:
-    """Points (n, 3), blocks (cell type, nodes (m, k)), groups of cells {name: {block: cells}} and of nodes {name: nodes}.
+    """A mesh as other programs store it.
 
-    left_out: definitions in the file that would change the modes and are not read.
+    Attributes
+    ----------
+    points : ndarray, shape (n, 3)
+        Nodes in the unit of the file.
+    blocks : list of tuple
+        Cell type and nodes (m, k) of each block, in VTK's order.
+    cell_groups : dict of dict
+        Cells by name of the group and number of the block.
+    node_groups : dict of ndarray, shape (n,)
+        Nodes by name of the group.
+    left_out : tuple of str
+        Definitions in the file that would change the modes and are not read.
     """
 
     points: FloatArray

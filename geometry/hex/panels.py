@@ -36,10 +36,18 @@ FLUSH_M = 1e-9
 
 @dataclass(frozen=True)
 class Patch:
-    """A rectangle of elements in plan: lines of its own two coordinates, and what takes these to places, m.
+    """A rectangle of elements in plan, with coordinates u and v of its own.
 
-    inside (nu, nv): whether the pillar stands on an element; block: whether the patch belongs to the block about the foot,
-    along x and along y.
+    Attributes
+    ----------
+    u, v : ndarray, shape (nu + 1,) or (nv + 1,)
+        Ascending lines of its coordinates.
+    place : callable
+        Map of coordinates u (n,) and v (n,) to places (n, 2).
+    inside : ndarray, shape (nu, nv)
+        1 for elements on which the pillar stands, else 0.
+    block : tuple of bool
+        Whether the patch belongs to the block about the foot, along x and along y.
     """
 
     u: FloatArray
@@ -51,20 +59,38 @@ class Patch:
 
 @dataclass(frozen=True)
 class PlanLines:
-    """Lines of the patches of a quadrant, each from 0 to 1: around a foot, inside it towards its rim, from its rim to the
-    edge of the block; and those of the plate beyond the block along x and y, m, a single one where there is none.
+    """Lines of the patches of a quadrant, each from 0 to 1 except for those of the plate.
+
+    Attributes
+    ----------
+    turn : ndarray, shape (n,)
+        Lines around a foot.
+    inner : ndarray, shape (n,)
+        Lines inside the foot towards its rim.
+    fill : ndarray, shape (n,)
+        Lines from the rim to the edge of the block.
+    plate : tuple of ndarray, shape (n,)
+        Lines of the plate beyond the block along x and y, in m; a single line without such a plate.
     """
 
     turn: FloatArray
     inner: FloatArray
     fill: FloatArray
-    beside: tuple[FloatArray, FloatArray] = (np.empty(0), np.empty(0))
+    plate: tuple[FloatArray, FloatArray] = (np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True)
 class PatchedMesh:
-    """A mesh, the grids of boxes that its patches were before they were put in place, and the number in the mesh of each of
-    their nodes.
+    """A mesh of joined patches.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The mesh.
+    boxes : tuple of Boxes
+        Grid of each patch in its own coordinates, before it was put in place.
+    numbers : tuple of ndarray, shape (n,)
+        Numbers in the mesh of the nodes of each grid.
     """
 
     mesh: Mesh
@@ -90,7 +116,10 @@ class PillarChange:
 
 @dataclass(frozen=True)
 class VariedPanel:
-    """A panel with a pillar, meshed together with its mirror image about each of the axes `opened` that it is halved along."""
+    """A panel with a pillar that may change.
+
+    It is meshed together with its mirror image about each axis in `opened`; the panel must be halved along these.
+    """
 
     panel: Panel
     thickness_m: float
@@ -532,8 +561,8 @@ def _foot_patches(
     shared = _lines(half, rim, blocks, grading)  # quadrants meet along the axes
     for (signs, ends), block in zip(places, blocks, strict=True):
         less = signs[0] * shift_m[0], signs[1] * shift_m[1]
-        beside = _beyond(block[0], ends[0], grading) - less[0], _beyond(block[1], ends[1], grading) - less[1]
-        own = quadrant(grown * half, (block[0] - less[0], block[1] - less[1]), replace(shared, beside=beside))
+        plate = _beyond(block[0], ends[0], grading) - less[0], _beyond(block[1], ends[1], grading) - less[1]
+        own = quadrant(grown * half, (block[0] - less[0], block[1] - less[1]), replace(shared, plate=plate))
         patches += [_reflected(patch, signs, origin + np.array(shift_m)) for patch in own]
     return patches
 
@@ -595,7 +624,7 @@ def _filling(
 
     yield Patch(lines.fill, under, beyond, _filled(lines.fill, under))
     yield Patch(under, lines.fill, above, _filled(under, lines.fill))
-    yield from beside(block[0] * under, block[1] * under, lines.beside)
+    yield from beside(block[0] * under, block[1] * under, lines.plate)
 
 
 def _placed(patch: Patch, mesh: Mesh) -> FloatArray:

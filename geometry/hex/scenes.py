@@ -22,10 +22,20 @@ SAME = 1e-9  # of the breakpoints' span: those closer than this are one
 
 @dataclass(frozen=True)
 class Grading:
-    """Element size away from singular edges (m), layers towards each one, and the shrink factor of a layer.
+    """Element size and geometric grading towards singular edges.
 
-    The `skipped` innermost layers are left out: such a grid is nested in the one that has them. Between two breakpoints lie
-    `least` elements or more.
+    Attributes
+    ----------
+    size_m : float
+        Element size away from singular edges.
+    layers : int
+        Layers towards each singular edge.
+    factor : float
+        Shrink factor from a layer to the next one towards the edge.
+    skipped : int
+        Innermost layers that are left out; such a grid is nested in the one that has them.
+    least : int
+        Smallest number of elements between two breakpoints.
     """
 
     size_m: float
@@ -107,11 +117,20 @@ def _even_count(start: tuple[float, bool], end: tuple[float, bool], grading: Gra
 
 @dataclass(frozen=True)
 class HexSettings:
-    """Order, element size in the plate and along a pillar (m), layers and shrink factor at singular edges.
+    """Order, element sizes and grading of a hexahedral mesh.
 
-    `through` is how many elements at least lie through the thickness of a plate, layers not counted; the
-    `skipped` innermost layers are left out, which nests the mesh in the one that has them. `least` elements at least lie
-    between two lines that the scene prescribes.
+    Attributes
+    ----------
+    order : int
+        Order of the elements, 1 to 4.
+    size_m : float
+        Element size in the plate.
+    layers, factor, skipped, least : int or float
+        Numbers of `Grading`.
+    pillar_size_m : float or None
+        Element size along the height of a pillar; that in the plate if None.
+    through : int
+        Smallest number of elements through the thickness, not counting layers.
     """
 
     order: int = 3
@@ -148,9 +167,20 @@ class HexSettings:
 
 @dataclass(frozen=True)
 class Foot:
-    """Prisms of one kind: rectangles x0, x1, y0, y1 about a centre (r, 4), centres (n, 2), where they begin and end, m.
+    """Equal prisms that stand on a body.
 
-    They stand on the prisms of the outline `below`, on the lowest body without one.
+    Attributes
+    ----------
+    rectangles : ndarray, shape (r, 4)
+        Outline as a union of rectangles x0, x1, y0, y1 about a centre, in m.
+    centres : ndarray, shape (n, 2)
+        Centres in m.
+    bottom_m, top_m : float
+        Heights at which the prisms begin and end.
+    region : str
+        Region of the mesh.
+    below : ndarray, shape (r, 4), or None
+        Outline of the prisms on which they stand; None on the lowest body.
     """
 
     rectangles: FloatArray
@@ -163,11 +193,26 @@ class Foot:
 
 @dataclass(frozen=True)
 class Scene:
-    """Grid lines of a scene of boxes, before it is meshed: breakpoints in m, True at singular edges.
+    """Breakpoints and gradings of a scene of boxes before it is meshed.
 
-    x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without), `feet` of each kind.
-    The lowest body fills the rectangles `body` (r, 4) only, where that is given. With two `faces` the mirror images of the
-    pillars hang below it.
+    Attributes
+    ----------
+    x, y, z : dict of bool
+        Breakpoints in m of the lowest body; True marks singular edges.
+    across, through : Grading
+        Gradings along x and y, and along z.
+    name : str
+        Region of the lowest body.
+    above : dict of bool or None
+        Breakpoints along z of the pillars on it; None without pillars.
+    along : Grading or None
+        Grading of the pillars along z.
+    feet : tuple of Foot
+        Pillars and heavy tips, one entry per kind.
+    body : ndarray, shape (r, 4), or None
+        Rectangles x0, x1, y0, y1 that the lowest body fills; None for all of it.
+    faces : int
+        2 if mirror images of the pillars hang below the body, else 1.
     """
 
     x: dict[float, bool]
@@ -484,10 +529,21 @@ def _foot(pillar: Pillar) -> FloatArray:
 
 @dataclass(frozen=True)
 class Block:
-    """Boxes alike but for their counts: elements along x and y, one entry per column and per row of them, and along z.
+    """A product of columns, rows and layers of boxes, for counting.
 
-    A union of rectangles is counted by inclusion and exclusion: what several share has the sign -1, +1 in turn. A block that
-    `stands` on another shares its lowest nodes.
+    A union of rectangles is counted by inclusion and exclusion: intersections of several have the sign -1 and +1 in
+    turn.
+
+    Attributes
+    ----------
+    x, y : tuple of int
+        Elements along x of each column, and along y of each row.
+    z : int
+        Elements along z.
+    stands : bool
+        Whether the lowest nodes are shared with the block below.
+    sign : int
+        1 or -1.
     """
 
     x: tuple[int, ...]

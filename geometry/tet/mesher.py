@@ -41,9 +41,18 @@ ON_PLANE = 1e-9  # of the diagonal: planes must be met to rounding
 
 @dataclass(frozen=True)
 class Boundary:
-    """Triangles (m, 3) between a body and the void, or `inner` between bonded parts.
+    """Triangles between a body and the void, or between bonded parts.
 
-    Each with its CAD face, its cell, and the number of the cell's side, all (m,).
+    Attributes
+    ----------
+    triangles : ndarray, shape (m, 3)
+        Vertices, outward from the cell.
+    face_of : ndarray, shape (m,)
+        CAD face of each triangle.
+    cell, local : ndarray, shape (m,)
+        Cell of each triangle, and the number of the cell's side.
+    inner : ndarray, shape (m,)
+        Whether it lies between bonded parts.
     """
 
     triangles: IntArray

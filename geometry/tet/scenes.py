@@ -81,8 +81,20 @@ ROUNDING, FILLETED = 1e-9, 1e-6
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of a quarter x, y >= 0: half a column of width half_m, its pillar's middle at x = 0, `count` times, the
-    last one stretched beyond foot_m until it is end_m wide; `begins_at_pillar`: whether one stands at the plate's middle.
+    """Columns of pillars of a plate's quarter x, y >= 0, of which half a column is meshed.
+
+    Attributes
+    ----------
+    half_m : float
+        Half-width of a column, whose pillar's middle lies at x = 0.
+    foot_m : float
+        Half-width of the foot, beyond which the last column is stretched.
+    end_m : float
+        Distance of the plate's end from the middle of the last pillar.
+    count : int
+        Number of half columns that make the quarter.
+    begins_at_pillar : bool
+        Whether a pillar stands at the plate's middle.
     """
 
     half_m: float
