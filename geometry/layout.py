@@ -67,9 +67,28 @@ PLAIN = "square, round, hexagonal, tapered or cross-shaped pillars without fille
 
 @dataclass(frozen=True)
 class Pillar:
-    """One pillar: its shape by name, widths of foot and tip, height, foot fillet, further sizes of the shape. Lengths in m.
+    """One pillar, lengths in m.
 
-    A heavy tip stands on its top, beyond its height. `faces`: 1, on the back alone; 2, with its mirror image on the touch face.
+    Attributes
+    ----------
+    shape : str
+        Name of its shape.
+    base_m, tip_m : float
+        Widths of foot and tip.
+    height_m : float
+        Height without a heavy tip.
+    material : Material
+        Its material.
+    fillet_m : float
+        Radius of the fillet at the foot.
+    file : str or None
+        CAD file of the shape.
+    more_m : tuple of tuple
+        Further sizes of the shape, as pairs of name and length.
+    tip : Tip or None
+        Heavy tip on its top.
+    faces : int
+        1 on the back only, 2 with its mirror image on the touch face.
     """
 
     shape: str
@@ -206,13 +225,35 @@ class PillarGroup:
 
 @dataclass(frozen=True)
 class Design:
-    """The plate as built: zone, pillar rows on both sides, passive margin. Lengths in m.
+    """The plate as built: zones, pillar rows on both sides of each, passive margin; lengths in m.
 
-    Where rows differ, `graded` and `graded_pitches_m` hold one entry per row from the zone outwards, a row standing in the
-    middle of a strip as wide as its pitch; pillar and pitch_y_m are then the first row's. Empty, all rows are alike.
-    With `stagger` every other row, from the second on, is shifted by half a pitch along x.
-    `zones` of equal size lie side by side along y, centred, zone_gap_m between their borders; `shared_rows` stand in each gap,
-    the nearer half of them at either border. Width is one zone's, `rows` those beyond the outer zones.
+    Attributes
+    ----------
+    length_m, width_m, thickness_m : float
+        Length of the plate and its zones along x, width of one zone along y, thickness of the plate.
+    nodal_lines : int
+        Nodal lines of the target shape.
+    material : Material
+        Material of the plate.
+    pillar : Pillar or None
+        Pillar of all rows, or of the first row if rows differ.
+    pitch_x_m, pitch_y_m : float
+        Pitches along a row and between rows, those of the first row if rows differ.
+    rows : int
+        Rows beyond each outer zone.
+    extension_m : float
+        Margin beyond the last row.
+    graded, graded_pitches_m : tuple of Pillar or float
+        Pillar and pitch of each row from the zone outwards if rows differ, else empty. A row stands in the middle of a
+        strip as wide as its pitch.
+    stagger : bool
+        Whether every other row, from the second onwards, is shifted by half a pitch along x.
+    zones : int
+        Number of equal zones, next to each other along y.
+    shared_rows : int
+        Rows in each gap between zones, half of them at either border.
+    zone_gap_m : float
+        Distance between the borders of neighbouring zones.
     """
 
     length_m: float
@@ -426,10 +467,30 @@ SAME_M = 1e-9  # places that agree to a nanometre are the same
 
 @dataclass(frozen=True)
 class Patches:
-    """The bonded patches. Lengths in m; centres from the plate's centre; lengths_m along x, one per patch.
+    """Piezoelectric patches bonded to a plate, lengths in m.
 
-    at = "antinodes": numbered along x over the N + 1 antinodes of the shape with N nodal lines, free ends included; the
-    two end patches are cut to the space beyond their neighbours. sensors: the numbers of the sensor patches.
+    Attributes
+    ----------
+    material : PiezoMaterial
+        Their material.
+    size_m : tuple of float
+        Length along x, width and thickness of a patch.
+    face : {'back', 'touch'}
+        Face that they are bonded to.
+    at : {'antinodes', 'centres'}
+        Whether they stand on the N + 1 antinodes of the shape with N nodal lines, free ends included and numbered along
+        x.
+        The two end patches are then cut to the space beyond their neighbours.
+    centres_m : tuple of tuple
+        Centres (x, y) from the plate's centre.
+    lengths_m : tuple of float
+        Length of each patch along x.
+    sensors : tuple of int
+        Numbers of the sensor patches, from 0.
+    drive_v : float
+        Amplitude of the drive voltage in V.
+    circuit : {'short', 'open'}
+        Whether a voltage or a charge is prescribed on the actuators.
     """
 
     material: PiezoMaterial

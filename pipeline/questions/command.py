@@ -392,6 +392,7 @@ def _function(kind: Any) -> Any:
     given = inspect.signature(kind)
     own = inspect.Parameter("self", inspect.Parameter.POSITIONAL_ONLY)
     method.__name__, method.__qualname__, method.__doc__ = kind.name, f"Plate.{kind.name}", numpydoc(kind)
+    method.__annotations__ = {"return": kind.result}
     method.__signature__ = given.replace(  # type: ignore[attr-defined]
         parameters=[own, *sorted(given.parameters.values(), key=lambda each: each.name == "progress")],
         return_annotation=kind.result,
