@@ -76,11 +76,24 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
     solid: dict[str, FoundDesign] | None = column(
         "`base` and `best` by solid meshes of the whole plate; None without --verify-with solid"
     )
-    file: str = live(default="CASE")  # of the initial design
+    file: str = live("case file of the initial design", default="CASE")
 
     @classmethod
     def of_outcome(cls, outcome: Outcome, solid: dict[str, FoundDesign] | None = None) -> SearchResult:
-        """Return the result of a search."""
+        """Return the result of a search.
+
+        Parameters
+        ----------
+        outcome : Outcome
+            Evaluated designs, the initial and the best one.
+        solid : dict of FoundDesign, optional
+            `base` and `best` by solid meshes of the whole plate.
+
+        Returns
+        -------
+        SearchResult
+            The result.
+        """
         from pipeline.search.fidelity import MODELS
 
         listed = outcome.by_fidelity.items()
@@ -336,7 +349,7 @@ class Search(
         at_least=0.0,
         at_most=1.0,
         metavar="SHARE",
-        help="smallest allowed modal assurance criterion with the target shape",
+        help="smallest allowed modal assurance criterion with the target shape, 0 to 1",
     )
     min_isolation_dB: float | None = option(
         default=None, unit="dB", at_least=1e-3, at_most=1e3, metavar="DB",

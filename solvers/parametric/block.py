@@ -289,7 +289,7 @@ def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[S
     designs : iterable of tuple of float
         In m.
     everywhere : iterable of tuple of float, optional
-        Designs whose rigid-body modes are also included.
+        Designs, in m, whose rigid-body modes are also included.
 
     Returns
     -------
@@ -365,7 +365,7 @@ def inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere:
     kept : float
         Least energy of a kept direction relative to the largest.
     everywhere : iterable of tuple of float, optional
-        Designs whose rigid-body modes are also included.
+        Designs, in m, whose rigid-body modes are also included.
 
     Returns
     -------
@@ -480,7 +480,7 @@ STAGGERED = Symmetry(
 
 
 def symmetry_of(lattice: Lattice, is_alike: bool) -> Symmetry:
-    """Return the symmetry of a lattice: staggered, or in line with a cell that is or is not its own image with x and y exchanged.
+    """Return the symmetry of a lattice: staggered, or in line, whose cell is or is not its own image by exchanging x and y.
 
     Parameters
     ----------
