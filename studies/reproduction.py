@@ -51,6 +51,7 @@ ACTIVE = {"shaping": "shaping (chapter 3)", "dq": "closed loop (chapter 2)"}
 PILLARS_MM = {7.1: 32.0, 6.5: 35.0, 6.3: 38.0}
 NEAR = 0.02
 NOT_IN_THESIS, MIRRORED = ("not given", "not treated"), "confined right"
+FURTHER = "; (any voltages|on the mode|free wave)"  # of our own figures: where what the thesis does not have begins
 INTRODUCTION = """# The thesis' figures compared with ours
 
 *Design of controlled localized mechanical waves: application to haptics* is a doctoral thesis of the project HASAMé
@@ -125,7 +126,10 @@ def active(model: str) -> list[Row]:
     command = [sys.executable, "-m", "pipeline.cli.main", "active", model, "--json", "-", "--quiet"]
     documents = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     given = (e for e in documents["comparison"] if e["thesis"] not in NOT_IN_THESIS)
-    rows = [(e["quantity"], e["thesis"], e["ours"], re.split("(?<! for):|;", e["agreement"])[0]) for e in given]
+    rows = [
+        (e["quantity"], e["thesis"], re.split(FURTHER, e["ours"])[0], re.split("(?<! for):|;", e["agreement"])[0])
+        for e in given
+    ]
     return [row for row in rows if not row[0].startswith(MIRRORED)]
 
 
