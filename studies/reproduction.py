@@ -258,6 +258,7 @@ class Wish:
     row: Callable[..., tuple[str, ...] | None]
     draw: Callable[[list[Record]], Figure]
     other: str = ""
+    listed: Callable[[Record], bool] = lambda record: True  # of the cases of the picture, those of the table
 
     def text(self, folder: Path) -> str:
         """The section, with its picture stored next to the page; empty if the study is not stored."""
@@ -269,7 +270,9 @@ class Wish:
         with style.style(), written_whole(PAGE.parent / picture) as temporary:
             self.draw([*rows.values()]).savefig(temporary, format="svg", bbox_inches="tight", metadata={"Date": None})
         words = f"{self.words} (`antinode run {self.study}`)."
-        body = outputs.markdown(self.headings.split(" | "), [*rows])
+        body = outputs.markdown(
+            self.headings.split(" | "), [row for row, record in rows.items() if self.listed(record)]
+        )
         return f"\n## Outlook: {self.title}\n\n{words}\n\n{body}\n![{self.title}]({picture})\n"
 
 
@@ -408,11 +411,13 @@ WISHES = (
     Wish(
         "touch",
         "vibration under a finger",
-        "Not in the thesis: amplitudes at the study's voltage, and the power of the patches for 1 um under the finger",
+        "Not in the thesis: amplitudes at the study's voltage, and the power of the patches for 1 um under the finger. The "
+        "picture also has the fingertips `light` and `tissue`",
         "design, fingertip | detuning (Hz) | free (um) | touched (um) | confinement free (dB) | touched (dB) | shaped "
         "(dB) | power in phase | power shaped",
         _of_touch,
         _by_power,
+        listed=lambda record: record.sweep.get("touch.impedance") == "finger",
     ),
     Wish(
         "glass",
