@@ -30,7 +30,8 @@ whole plates. Faults planted on purpose must make them fail.
 
 Circles are the meshes that `solve.accuracy` may choose; grey is the uncertainty of the reference. The report of
 `antinode run accuracy` has these pictures, a table of all models for every quantity, and the references with their
-method; that of `antinode run extremes` has every case. `results/reference/accuracy-meshes.csv` gives error and time of
+method. That of `antinode run extremes` has every case, and the errors of each element near Poisson's ratio 1/2, where
+displacement elements lock, low orders first. `results/reference/accuracy-meshes.csv` gives error and time of
 the planner's meshes: each is on the lower envelope of the picture, or misses it by less than the reference's
 uncertainty. References (`accuracy-references.csv`) have elements of order 4 and are extrapolated from three meshes.
 
@@ -42,6 +43,7 @@ FIGURE = PAGE.parent / "pictures" / "error-against-time.svg"
 STORED = Path("accuracy") / style.PICTURES / "accuracy_bending_at_M.svg"
 SINGLE = r"\| (model|case) \| (dofs|confinement)"  # the tables of single models and cases
 REFERENCE = PAGE.parents[1] / "results" / "reference"
+LEFT_OUT = ("Poisson's ratio: where elements lock",)
 FILES = {"The planner's meshes and the lower envelope": "accuracy-meshes.csv", "References": "accuracy-references.csv"}
 SPEED = "## Whole commands compared with an earlier commit"
 
@@ -64,9 +66,11 @@ def text(names: tuple[str, ...] = ("accuracy", "extremes")) -> str:
 
 
 def shortened(page: str, deeper: str = "") -> str:
-    """A report without pictures, tables of single models and cases, and those of FILES; headings move `deeper`."""
+    """A report without pictures, tables of single models and cases, FILES and LEFT_OUT; headings move `deeper`."""
     lines = [line for line in page.splitlines() if not line.startswith("![")]
-    kept = [each for each in _sections(lines) if not re.search(SINGLE, each) and _heading(each) not in FILES]
+    kept = [
+        each for each in _sections(lines) if not re.search(SINGLE, each) and _heading(each) not in {*FILES, *LEFT_OUT}
+    ]
     return "".join(re.sub("^#", f"{deeper}#", each) for each in kept).rstrip() + "\n"
 
 
