@@ -88,7 +88,8 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
     def error_at(self, frequency_hz: float) -> float | None:
         """Return the error bar of `at`.
 
-        It is the larger error bar of the two neighbours plus the interpolation error, bounded by the adjacent chords.
+        It is the error bars of the two neighbours, weighted as their values are, plus the interpolation error, bounded by the
+        adjacent chords.
 
         Parameters
         ----------
@@ -115,7 +116,8 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
             if 0 <= first < len(tones) - 1:
                 slope = (levels[first + 1] - levels[first]) / (tones[first + 1] - tones[first])
                 missed = max(missed, abs(levels[first] + slope * (frequency_hz - tones[first]) - own))
-        bar = float(max(bars[last - 1], bars[last])) + min(missed, abs(float(levels[last] - levels[last - 1])))
+        between = float(np.interp(frequency_hz, tones, bars))
+        bar = between + min(missed, abs(float(levels[last] - levels[last - 1])))
         return bar if isfinite(bar) else None
 
     def lines(self) -> Iterator[str]:
