@@ -127,7 +127,7 @@ class Overlaps:
         if active.all():
             return None
         faces = [(touch.weights[part], touch.values[part]) for part in (active, ~active)]
-        heavy = touch.weights * (shape := shape_at(touch, design, symmetry))
+        heavy = touch.weights * (shape := _shape_at(touch, design, symmetry))
         projection = heavy @ touch.values / np.sqrt(max(float(heavy @ shape), 1e-300))
         surface = design.stack.mass_kg_m2
         return replace(cls.between(faces), projection=projection, strength=surface / touch.modal_mass_kg)
@@ -141,7 +141,7 @@ class Overlaps:
     @classmethod
     def of_extension(cls, touch: TouchField, design: Design) -> Overlaps | None:
         """Overlaps with the plate beyond the last row in place of the passive face; None without any."""
-        active, beyond = touch.is_active(design), is_beyond_rows(touch.points[:, 1], design)
+        active, beyond = touch.is_active(design), _is_beyond_rows(touch.points[:, 1], design)
         if not touch.weights[beyond].sum() > NEGLIGIBLE * touch.weights[active].sum():
             return None
         return cls.between([(touch.weights[part], touch.values[part]) for part in (active, beyond)])
@@ -202,17 +202,42 @@ class Overlaps:
 
 
 def ratio_db(inside: Any, outside: Any) -> FloatArray:
-    """20 log10 of rms values, inside over outside; infinite where nothing moves outside."""
+    """Return 20 log10 of rms values, inside over outside.
+
+    Parameters
+    ----------
+    inside, outside : float or ndarray
+        Values of one unit, shape (...).
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Levels in dB; infinite where nothing moves outside.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(20.0 * np.log10(np.asarray(inside) / np.asarray(outside)))
 
 
 def share_error(share: float | None, level_error_db: float | None) -> float | None:
-    """Error bar (half-width) of a part's share of the squares, from that of its level; None if one is unknown.
+    """Error bar (half-width) of a part's share of the squares, from that of its level.
 
-    Of areas given, share / (1 - share) goes with 10^(level/10), so that an error e of the level puts the share
-    at share g / (1 - share + share g) with g = 10^(+-e/10): the farther of both counts.
+    For given areas, share / (1 - share) is proportional to 10^(level/10). An error e of the level puts the share at
+    share g / (1 - share + share g) with g = 10^(+-e/10). The farther of the two counts.
 
+    Parameters
+    ----------
+    share : float or None
+        Share of the squares on the part, 0 to 1; None if unknown.
+    level_error_db : float or None
+        Error bar of the part's level over the rest; None if unknown.
+
+    Returns
+    -------
+    float or None
+        Half-width as a fraction, like the share; None if one of both is unknown.
+
+    Examples
+    --------
     >>> from solvers.measures.confinement import share_error
     >>> round(share_error(0.9, 0.1), 4), share_error(1.0, 0.1), share_error(0.9, None)
     (0.0021, 0.0, None)
@@ -225,37 +250,88 @@ def share_error(share: float | None, level_error_db: float | None) -> float | No
 
 
 def target_shape(design: Design, points: FloatArray) -> FloatArray:
-    """The analytic (0, N) shape at points (q, 2 or 3) in m: half a sine across the zone, a free-free beam along it."""
+    """Evaluate the analytic (0, N) shape: half a sine across the zone, a free-free beam along it.
+
+    Parameters
+    ----------
+    design : Design
+        Gives the zone's width, length and number of nodal lines.
+    points : ndarray, shape (q, 2) or (q, 3)
+        Points of the zone in m from the plate's centre.
+
+    Returns
+    -------
+    ndarray, shape (q,)
+        The shape, dimensionless.
+    """
     across = np.sin(np.pi * (points[:, 1] + design.width_m / 2.0) / design.width_m)
     along = free_free_mode(design.nodal_lines).shape(points[:, 0] / design.length_m + 0.5)
     return np.asarray(across * along)
 
 
 def target_symmetry(nodal_lines: int) -> str:
-    """Signs (x, y) of u_z of the target mode: a free-free beam with N nodes is even for even N; half a sine is even."""
+    """Signs (x, y) of u_z of the target mode: a free-free beam with N nodes is even for even N; half a sine is even.
+
+    Parameters
+    ----------
+    nodal_lines : int
+        Nodal lines across the zone, N.
+
+    Returns
+    -------
+    str
+        Symmetry class, SS or AS.
+    """
     return ("S" if nodal_lines % 2 == 0 else "A") + "S"
 
 
 def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinement:
     """Confinement of modes from their normal displacement on the touch face.
 
-    `symmetry` is the symmetry class of a halved model (a shape of another class has no share in it), None for a whole plate.
+    Parameters
+    ----------
+    touch : TouchField
+        u_z at quadrature points of the touch face.
+    design : Design
+        The plate.
+    symmetry : str or None
+        Class of a halved model, None for a whole plate; a shape of another class has no share in it.
+
+    Returns
+    -------
+    Confinement
+        Measures (k,) of the fields.
     """
-    shape = shape_at(touch, design, symmetry)
+    shape = _shape_at(touch, design, symmetry)
     profile = Profile(np.abs(touch.points[:, 1]), touch.weights, touch.values, shape, touch.modal_mass_kg)
     return measure_profile(profile, design)
 
 
 def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """Forces (q,) at the points whose work on a mode, squared, is its strength."""
-    shape = shape_at(touch, design, symmetry)
+    """Forces at the points whose work on a mode, squared, is its strength.
+
+    Parameters
+    ----------
+    touch : TouchField
+        Points with their weights, and the modal mass; values are not used.
+    design : Design
+        The plate.
+    symmetry : str or None
+        Class of a halved model, None for a whole plate.
+
+    Returns
+    -------
+    ndarray, shape (q,)
+        Dimensionless, for their product with u_z; 0 in a class without the target shape.
+    """
+    shape = _shape_at(touch, design, symmetry)
     heavy = touch.weights * shape
     own = float(heavy @ shape)
     surface = design.stack.mass_kg_m2
     return np.asarray(heavy * np.sqrt(surface / (own * touch.modal_mass_kg))) if own > 0.0 else np.zeros(len(heavy))
 
 
-def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
+def _shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
     """Return the target shape at the points, (q,), 0 on the passive face and in a class that lacks it."""
     shape = np.zeros(len(touch.points))
     if symmetry in (None, target_symmetry(design.nodal_lines)):
@@ -264,17 +340,30 @@ def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatAr
     return shape
 
 
-def is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
+def _is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
     """Mask of the points on the plate beyond the last row."""
     return np.asarray(np.abs(y_m) > design.half_span_m - design.extension_m)
 
 
 def measure_profile(profile: Profile, design: Design) -> Confinement:
-    """Confinement of a motion known over y; a target motion of zero gives a MAC of 0."""
+    """Confinement of a motion known over y.
+
+    Parameters
+    ----------
+    profile : Profile
+        The motion and the target motion; a target motion of zero gives a MAC of 0.
+    design : Design
+        The plate.
+
+    Returns
+    -------
+    Confinement
+        Measures (k,) of the motions.
+    """
     y, weights = np.abs(profile.y_m), profile.weights
     squares = np.abs(profile.values) ** 2
     active = y < design.width_m / 2.0
-    parts = [weights * part for part in (active, ~active, is_beyond_rows(y, design))]
+    parts = [weights * part for part in (active, ~active, _is_beyond_rows(y, design))]
     shape, values = profile.shape[active], profile.values[active]
     own = weights[active] @ np.abs(shape) ** 2
     projection = np.abs((weights[active] * shape.conj()) @ values) ** 2 / np.maximum(own, 1e-300)
@@ -286,9 +375,23 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
 def confined(
     squares: Sequence[FloatArray], areas: Sequence[float], projection: FloatArray, per_mass: float
 ) -> Confinement:
-    """Confinement from integrals of |u_z|^2 (k,) over zone, passive face and the plate beyond the last row, and their areas.
+    """Confinement from integrals of |u_z|^2 over parts of the touch face.
 
-    projection (k,): square of the zone's motion in the target shape; per_mass: mass per area over the modal mass.
+    Parameters
+    ----------
+    squares : three of ndarray, shape (k,)
+        Integrals over the zone, the passive face and the plate beyond the last row.
+    areas : three of float
+        Areas of these parts, in the integrals' unit (m2, or m over a line).
+    projection : ndarray, shape (k,)
+        Square of the zone's motion in the target shape: |<shape, u_z>|^2 / <shape, shape>.
+    per_mass : float
+        Mass per unit of area over the modal mass, so that the strength is per_mass times projection.
+
+    Returns
+    -------
+    Confinement
+        Measures (k,); levels are NaN where a part is empty.
     """
     (inside, passive, beyond), (zone, aside, outer) = squares, areas
     level, further = _level_db(inside, zone, passive, aside), _level_db(inside, zone, beyond, outer)
@@ -298,7 +401,20 @@ def confined(
 
 
 def zone_parts(design: Design, y: FloatArray) -> list[BoolArray]:
-    """Masks of the points in each zone, and in none."""
+    """Masks of the points in each zone, and in none.
+
+    Parameters
+    ----------
+    design : Design
+        Gives the zones' centres and width.
+    y : ndarray, shape (q,)
+        Places across the plate in m.
+
+    Returns
+    -------
+    list of ndarray of bool, shape (q,)
+        One per zone, then that of the passive face.
+    """
     inside = [np.abs(y - middle) < design.width_m / 2.0 for middle in design.zone_centres_m]
     return [*inside, ~np.logical_or.reduce(inside)]
 
@@ -306,7 +422,24 @@ def zone_parts(design: Design, y: FloatArray) -> list[BoolArray]:
 def peak_hz(
     moved: Callable[[FloatArray], FloatArray], resonances_hz: FloatArray, band_hz: tuple[float, float], loss: float
 ) -> float:
-    """Frequency of the largest motion within a band, Hz: at resonances and the band's ends, then finer about the largest."""
+    """Frequency of the largest motion within a band: at resonances and the band's ends, then finer about the largest.
+
+    Parameters
+    ----------
+    moved : callable
+        Returns a measure (t,) that grows with the motion, at frequencies (t,) in Hz.
+    resonances_hz : ndarray, shape (k,)
+        Resonances; those outside the band are left out.
+    band_hz : (float, float)
+        Ends of the band.
+    loss : float
+        Loss factor 1/Q, relative width of a resonance.
+
+    Returns
+    -------
+    float
+        In Hz.
+    """
     low, high = band_hz
     tones = np.concatenate([resonances_hz[(resonances_hz >= low) & (resonances_hz <= high)], [low, high]])
     for _ in range(2):
@@ -318,8 +451,32 @@ def peak_hz(
 def drive_zones(
     design: Design, frequency_hz: FloatArray, profile: Profile, band_hz: tuple[float, float], quality_factor: float
 ) -> DrivenZones:
-    """Zones driven in turn by a pressure of the target shape, by M-orthonormal modes (k,) over the whole width of the plate:
-    a_k = phi_k' f / (f_k^2 (1 + i/Q) - f^2), each at its peak within the band. SolverError without modes.
+    """Drive the zones of a plate in turn by a pressure of the target shape, each at its peak within a band.
+
+    a_k = phi_k' f / (f_k^2 (1 + i/Q) - f^2)
+
+    Parameters
+    ----------
+    design : Design
+        Gives the zones.
+    frequency_hz : ndarray, shape (k,)
+        Frequencies of the modes.
+    profile : Profile
+        M-orthonormal modes over the whole width of the plate.
+    band_hz : (float, float)
+        Band in which the peaks are searched.
+    quality_factor : float
+        Quality factor Q of every mode, a ratio.
+
+    Returns
+    -------
+    DrivenZones
+        Peak, levels and MAC of every zone.
+
+    Raises
+    ------
+    SolverError
+        Without modes.
     """
     if not len(frequency_hz):
         raise SolverError("the plate has no mode around the frequency of its isolated zone")
@@ -347,9 +504,23 @@ def drive_zones(
 
 
 def mixed_shares(frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> FloatArray:
-    """Shares of every mode, then of one at each end, that an error of the stiffness adds to a mode at most, one each.
+    """Bound the amplitudes of neighbours that an error of the stiffness mixes into a mode.
 
-    Parameters as of `Overlaps.mixing_db`.
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (k,)
+        Frequencies of the modes.
+    index : int
+        The mode that they are mixed into.
+    error : float
+        Error of the frequencies, relative.
+    ends_hz : tuple of float, optional
+        Ends of the interval in which all modes are known; one more mode may lie at each.
+
+    Returns
+    -------
+    ndarray, shape (k + ends,)
+        Amplitudes relative to the mode's own, at most 1: of every mode (its own 0), then of one at each end.
     """
     own, tones = frequency_hz[index], np.append(frequency_hz, ends_hz)
     apart = np.abs(tones**2 - own**2)
@@ -360,18 +531,27 @@ def mixed_shares(frequency_hz: FloatArray, index: int, error: float, ends_hz: tu
 def mixed_energy(
     share_of: Callable[[FloatArray], FloatArray], vectors: FloatArray, index: int, mixed: FloatArray
 ) -> tuple[float, float]:
-    """A mode's share of a part's energy, and what neighbours change of it, each of the worse sign, added by their squares.
+    """Estimate a mode's share of a part's energy, and how much mixed neighbours change it.
+
+    Each neighbour has the worse sign; their changes add by squares.
 
     Parameters
     ----------
     share_of : callable
-        Gives the share (k,) of M-orthonormal motions (dof, k).
+        Returns the shares (k,) of M-orthonormal motions (dof, k).
     vectors : ndarray, shape (dof, k)
-        Of the modes.
+        Modes.
     index : int
         The mode whose share it is.
     mixed : ndarray, shape (k,)
-        How much of each of the others is added.
+        Amplitude of each of the others, as of `mixed_shares`.
+
+    Returns
+    -------
+    share : float
+        The mode's share of the energy, 0 to 1.
+    change : float
+        Bound on the share's change.
     """
     own, others = vectors[:, [index]], np.delete(np.arange(vectors.shape[1]), index)
     added = [

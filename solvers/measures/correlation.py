@@ -49,7 +49,24 @@ class Step:
 
 
 def zone_coefficients(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """c_ij = int u_z P_i(2x/L) P_j(2y/W) over the active face, P orthonormal there, shape (k, c); 0 for the wrong symmetry."""
+    """Expand u_z on the active face in orthonormal Legendre products.
+
+    c_ij = int u_z P_i(2x/L) P_j(2y/W) over the active face
+
+    Parameters
+    ----------
+    touch : TouchField
+        u_z (k fields) at quadrature points of the touch face.
+    design : Design
+        Gives the zone.
+    symmetry : str or None
+        Class of a halved model, None for a whole plate; coefficients of another symmetry are 0.
+
+    Returns
+    -------
+    ndarray, shape (k, c)
+        Coefficients, in m times the unit of u_z.
+    """
     active = touch.is_active(design)
     points, values = touch.points[active], touch.values[active] * touch.weights[active, None]
     along = _orthonormal(points[:, 0], design.length_m, design.nodal_lines + ALONG)
@@ -65,13 +82,41 @@ def _orthonormal(at: FloatArray, edge: float, degree: int) -> FloatArray:
 
 
 def mac_matrix(first: FloatArray, second: FloatArray) -> FloatArray:
-    """MAC of every pair of coefficient rows (k, c) and (l, c), shape (k, l)."""
+    """MAC of every pair of coefficient rows.
+
+    Parameters
+    ----------
+    first, second : ndarray, shapes (k, c) and (l, c)
+        Real coefficients in one orthonormal basis.
+
+    Returns
+    -------
+    ndarray, shape (k, l)
+        Values from 0 to 1.
+    """
     own = np.outer((first**2).sum(axis=1), (second**2).sum(axis=1))
     return np.asarray((first @ second.T) ** 2 / np.maximum(own, 1e-300))
 
 
 def step(first: Shapes, second: Shapes, row: int) -> Step:
-    """Follow one mode of the first plate into the second."""
+    """Follow one mode of the first plate into the second.
+
+    Parameters
+    ----------
+    first, second : Shapes
+        Modes of both plates.
+    row : int
+        Number of the mode in the first one.
+
+    Returns
+    -------
+    Step
+        Its counterpart, with no row where it is lost.
+
+    References
+    ----------
+    .. [1] kuhn1955 (docs/references.bib)
+    """
     from scipy.optimize import linear_sum_assignment  # a third of a second that readers of records need not wait for
 
     if not len(second.frequency_hz):
@@ -90,7 +135,20 @@ def step(first: Shapes, second: Shapes, row: int) -> Step:
 
 
 def follow(plates: Sequence[Shapes], row: int) -> list[Step]:
-    """A mode of the first plate through all others, each compared with the one before; it ends where it is lost."""
+    """Follow a mode of the first plate through all others, each compared with the one before.
+
+    Parameters
+    ----------
+    plates : sequence of Shapes
+        Modes of each plate.
+    row : int
+        Number of the mode in the first one.
+
+    Returns
+    -------
+    list of Step
+        One per further plate; the list ends where the mode is lost.
+    """
     steps: list[Step] = []
     for before, after in pairwise(plates):
         steps.append(step(before, after, row))
@@ -137,7 +195,29 @@ class FieldMeasures:
 
 
 def weigh(points_m: FloatArray, design: Design) -> Weights:
-    """Area weights of points (n, 2) on the touch face. SolverError when none lies on the active part."""
+    """Weigh points on the touch face by the areas that they stand for.
+
+    Parameters
+    ----------
+    points_m : ndarray, shape (n, 2)
+        Points from the plate's centre.
+    design : Design
+        The plate.
+
+    Returns
+    -------
+    Weights
+        Points on either face, with areas in m2 and the covered shares of both faces.
+
+    Raises
+    ------
+    SolverError
+        If no point lies on the active part.
+
+    References
+    ----------
+    .. [1] okabe2000 (docs/references.bib)
+    """
     half_x, border, half_y = design.length_m / 2.0, design.width_m / 2.0, design.half_span_m
     active: list[Rectangle] = [((-half_x, -border), (half_x, border))]
     passive: list[Rectangle] = []
@@ -196,10 +276,21 @@ def _spacing(points: FloatArray, axis: int, width: float) -> float:
 
 
 def voronoi_areas(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Areas (n,) in m2 of the Voronoi cells of distinct points inside the rectangle from low to high, cut at its edges.
+    """Areas of the Voronoi cells of distinct points inside a rectangle, cut at its edges.
 
-    No point lies on an edge. The points' images in the four edges cut the cells there; a cell is the fan of triangles
-    over its ridges.
+    The points' images in the four edges cut the cells there. A cell is the fan of triangles over its ridges.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        Points in m, none of them on an edge.
+    low, high : ndarray, shape (2,)
+        Corners of the rectangle in m.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Areas in m2.
     """
     images = [points]
     for axis in (0, 1):
@@ -223,7 +314,22 @@ def voronoi_areas(points: FloatArray, low: FloatArray, high: FloatArray) -> Floa
 
 
 def confinement_of(weights: Weights, values: ComplexArray, design: Design) -> FieldMeasures:
-    """Share, confinement and modal assurance of a complex field (n,) by the definitions of `solvers.measures.confinement`."""
+    """Measure a complex field by the definitions of `solvers.measures.confinement`.
+
+    Parameters
+    ----------
+    weights : Weights
+        The map's points and their areas, as of `weigh`.
+    values : ndarray, shape (n,)
+        Complex u_z at all points of the map, of any unit.
+    design : Design
+        The plate.
+
+    Returns
+    -------
+    FieldMeasures
+        Share, confinement and MAC with the target shape.
+    """
     field = values[weights.index]
     both = TouchField(
         np.tile(weights.points, (BOTH, 1)),
@@ -245,13 +351,47 @@ def _finite(value: float) -> float | None:
 
 
 def assurance(area_m2: FloatArray, first: ComplexArray, second: ComplexArray) -> float:
-    """|<a, b>|^2 / (<a, a> <b, b>), <a, b> = sum of area conj(a) b; 0 where a field vanishes (allemang2003)."""
+    """Modal assurance criterion of two complex fields.
+
+    |<a, b>|^2 / (<a, a> <b, b>), <a, b> = sum of area conj(a) b
+
+    Parameters
+    ----------
+    area_m2 : ndarray, shape (n,)
+        Area that each point stands for.
+    first, second : ndarray, shape (n,)
+        The fields.
+
+    Returns
+    -------
+    float
+        From 0 to 1; 0 where a field vanishes.
+
+    References
+    ----------
+    .. [1] allemang2003 (docs/references.bib)
+    """
     own = float(area_m2 @ np.abs(first) ** 2) * float(area_m2 @ np.abs(second) ** 2)
     return float(abs((area_m2 * first.conj()) @ second) ** 2 / own) if own > 0.0 else 0.0
 
 
 def sampled(points_m: FloatArray, values: ComplexArray, at_m: FloatArray) -> ComplexArray:
-    """A field known at many points (q, 2), read at others (n, 2): linear between its points, the nearest one beyond them."""
+    """Interpolate a field: linear between its points, that of the nearest one beyond them.
+
+    Parameters
+    ----------
+    points_m : ndarray, shape (q, 2)
+        Points where the field is known; repeated ones count once.
+    values : ndarray, shape (q,)
+        Complex values there.
+    at_m : ndarray, shape (n, 2)
+        Points to interpolate at.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Complex values.
+    """
     size = float(np.ptp(points_m, axis=0).max())
     _, once = np.unique(np.round(points_m / (1e-9 * size)).astype(np.int64), axis=0, return_index=True)
     points, values = points_m[once], values[once]

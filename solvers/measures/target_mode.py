@@ -49,7 +49,7 @@ class Verdict:
 NONE = Verdict("none", None)
 
 
-def weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
+def _weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
     """Strength times zone share, weighted by the mode's likeness to the target shape, (k,); a plate without passive face has
     all of its motion in the zone, unknown strengths and likenesses count 0.
     """
@@ -63,24 +63,25 @@ def verdict(
 ) -> Verdict:  # fmt: skip
     """Judge which mode of a symmetry class is the target mode.
 
-    The candidate of the largest weight, similar to the target shape. It is single where it is clear, leads by LEAD every other
-    mode, computed or not, and carries more than all others near it together.
+    It is the candidate with the largest weight among those similar to the target shape. Its status is single if its MAC
+    is at least MIN_MAC_SINGLE, if it leads every other mode, computed or not, by LEAD, and if it carries more than all
+    others near it together.
 
     Parameters
     ----------
     strength, zone_share, mac : ndarray, shape (k,)
-        Measures of every mode known.
+        Measures of every known mode.
     candidate, near : ndarray of bool, shape (k,), optional
-        Modes that may be the target mode; modes that its share is counted among. All by default.
-    missing : float
-        Upper bound of the weight of any mode that is not known.
+        Modes that may be the target mode; modes among which its share is counted. All by default.
+    missing : float, optional
+        Upper bound of the weight of any unknown mode, a fraction.
 
     Returns
     -------
     Verdict
         Status, index, rivals and share.
     """
-    modal_overlap, weights = np.nan_to_num(mac), weight(strength, zone_share, mac)
+    modal_overlap, weights = np.nan_to_num(mac), _weight(strength, zone_share, mac)
     everything = np.ones(len(weights), dtype=bool)
     candidate, near = (everything if mask is None else mask for mask in (candidate, near))
     candidates = np.where(candidate & (modal_overlap >= MIN_MAC), weights, 0.0)
@@ -97,7 +98,20 @@ def verdict(
 
 
 def widened_window(window_hz: tuple[float, float], frequency_hz: float) -> tuple[float, float]:
-    """Widen the window until it extends beyond a mode on both sides."""
+    """Widen the window until it extends beyond a mode on both sides.
+
+    Parameters
+    ----------
+    window_hz : (float, float)
+        Ends of the window.
+    frequency_hz : float
+        Frequency of the mode.
+
+    Returns
+    -------
+    (float, float)
+        Ends in Hz, WINDOW_MARGIN beyond the mode at least.
+    """
     low, high = (1.0 - WINDOW_MARGIN) * frequency_hz, (1.0 + WINDOW_MARGIN) * frequency_hz
     return min(window_hz[0], low), max(window_hz[1], high)
 
@@ -217,24 +231,70 @@ def search(
 
 
 def leaves_room(missing: float, best: float) -> bool:
-    """Whether a weight of at most `missing` may come nearer to the best one than a single mode allows."""
+    """Whether an unknown mode could come nearer to the best weight than a single mode allows.
+
+    Parameters
+    ----------
+    missing : float
+        Upper bound of the weight of any unknown mode, a fraction.
+    best : float
+        Weight of the target mode, a fraction.
+
+    Returns
+    -------
+    bool
+        True if LEAD times the bound exceeds the best weight.
+    """
     return LEAD * missing > best
 
 
 def missing_strength(modes: Sequence[Measured]) -> float:
-    """1 less the strengths of the modes, at least 0: the sum of all others of the class."""
+    """Total strength of all other modes of the class: 1 less the strengths of the known modes.
+
+    Parameters
+    ----------
+    modes : sequence of Measured
+        Known modes; unknown strengths count 0.
+
+    Returns
+    -------
+    float
+        Fraction of the zone's mass, 0 at least.
+    """
     return max(0.0, 1.0 - float(np.nansum(measures(modes)[0])))
 
 
 def measures(modes: Sequence[Measured]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Strength, zone share and MAC, (k,) each; NaN where not known."""
+    """Collect strength, zone share and MAC of modes.
+
+    Parameters
+    ----------
+    modes : sequence of Measured
+        The modes.
+
+    Returns
+    -------
+    strength, zone_share, mac : ndarray, shape (k,)
+        Dimensionless; NaN where unknown.
+    """
     values = np.array([(mode.strength, mode.zone_share, mode.mac) for mode in modes], dtype=float).reshape(-1, 3)
     return values[:, 0], values[:, 1], values[:, 2]
 
 
 def weights(modes: Sequence[Measured]) -> FloatArray:
-    """Part of the target shape that each mode carries, (k,)."""
-    return weight(*measures(modes))
+    """Part of the target shape that each mode carries.
+
+    Parameters
+    ----------
+    modes : sequence of Measured
+        The modes.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Strength times zone share times MAC, 0 to 1.
+    """
+    return _weight(*measures(modes))
 
 
 def _judged(

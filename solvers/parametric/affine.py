@@ -312,7 +312,7 @@ def as_sizes(designs: FloatArray) -> list[Sizes]:
     return [(float(t), float(h), float(a), float(p)) for t, h, a, p in designs]
 
 
-def stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
+def _stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
     """Thickness, height, side, what lies between the blocks along x and along y, and the pitch: what the parts of the mesh are
     stretched by.
     """
@@ -323,7 +323,7 @@ def stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
 
 def theta(exponents: IntArray, sizes: FloatArray | Sizes, reference: Sizes, box: DesignBox) -> FloatArray:
     """theta_q of designs: (q,) for sizes (4,)."""
-    ratio = stretches(sizes, box) / stretches(reference, box)
+    ratio = _stretches(sizes, box) / _stretches(reference, box)
     return np.asarray(np.prod(ratio ** np.asarray(exponents), axis=1))
 
 

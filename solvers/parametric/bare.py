@@ -55,7 +55,7 @@ WHOLE: Span = (-1.0, 1.0)
 
 
 @lru_cache(maxsize=64)
-def line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
+def _line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
     """int f g, int f' g and int f' g' over a part of [-1, 1], of the functions along a side and of those through it."""
     s, weights = gauss(DEGREE + 2, *span)
     plain, derived = line_values(s, False), line_values(s, True)
@@ -69,7 +69,7 @@ def _reference(face: Interface, span: Span = WHOLE) -> tuple[FloatArray, FloatAr
     chosen = functions(face)
 
     def line(axis: int, one: bool, other: bool) -> FloatArray:
-        square, slope, both = line_integrals(span if axis == 0 else WHOLE)[axis == 2]
+        square, slope, both = _line_integrals(span if axis == 0 else WHOLE)[axis == 2]
         whole = both if one and other else slope if one else slope.T if other else square
         return np.asarray(whole[np.ix_(chosen[:, axis], chosen[:, axis])])
 
@@ -79,7 +79,7 @@ def _reference(face: Interface, span: Span = WHOLE) -> tuple[FloatArray, FloatAr
     return np.array([solid(j, l) for j, l in TRIPLES]), solid(-1, -1)  # noqa: E741
 
 
-def bare_matrices(
+def _bare_matrices(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE
 ) -> tuple[FloatArray, FloatArray]:
     """K and M (3 n, 3 n) of a panel, or of what lies within a span of [-1, 1] along x, among all its functions, component
@@ -115,7 +115,7 @@ def _inside(
     """Eigenvalues (m,) and parity (m, 2) of a panel's inside, and the panel's functions by its degrees of freedom [boundary,
     modes], (b + m, b + m).
     """
-    stiffness, mass = bare_matrices(size_m, material, face)
+    stiffness, mass = _bare_matrices(size_m, material, face)
     b = face.count
     values, modes, parity = _modes(stiffness[b:, b:], mass[b:, b:], face)
     static = -modes @ ((modes.T @ stiffness[b:, :b]) / values[:, None])  # all modes: K_II^-1 = sum of u u' / l
@@ -128,7 +128,7 @@ def bare_strip(
 ) -> tuple[FloatArray, FloatArray, Expansion]:
     """K, M and touch face of what lies within a span of [-1, 1] along x, in the degrees of freedom of the panel's cell."""
     _, _, shapes = _inside(size_m, material, face)
-    stiffness, mass = (shapes.T @ matrix @ shapes for matrix in bare_matrices(size_m, material, face, span))
+    stiffness, mass = (shapes.T @ matrix @ shapes for matrix in _bare_matrices(size_m, material, face, span))
     return stiffness, mass, _touch(size_m, face, span, shapes[2::3])
 
 

@@ -98,7 +98,7 @@ class Block:
 
     def __init__(self, cell: AffineCell, interface: Interface, signs: tuple[int, int, int]) -> None:
         self.cell, self.interface, self.signs = cell, interface, signs
-        self.forms = class_forms(cell, signs)
+        self.forms = _class_forms(cell, signs)
         self.parity = interface.parity_basis({0: signs[0], 1: signs[1]}, signs[2])
         mesh = cell.mesh
         self.boundary_nodes = np.unique(np.concatenate([mesh.nodes_of("x+"), mesh.nodes_of("y+")]))
@@ -247,7 +247,7 @@ class Sector:
     bases: FloatArray
 
 
-def class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
+def _class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
     """The affine forms of one symmetry class."""
     mirrors = {face: "S" if sign > 0 else "A" for face, sign in zip(("x-", "y-"), signs, strict=False)}
     inside = free_mask(cell.mesh, (), mirrors)
@@ -269,7 +269,7 @@ def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[S
 
     The rigid-body modes of the designs `everywhere` are among the functions, too.
     """
-    basis = inner_basis(block, designs, KEPT, everywhere)
+    basis = _inner_basis(block, designs, KEPT, everywhere)
     exponents = block.cell.stiffness.exponents, block.cell.mass.exponents
     return _block(block, basis, block.forms.each("stiffness"), block.forms.each("mass"), exponents)
 
@@ -277,7 +277,7 @@ def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[S
 def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:
     """The class at one design, all that its inside does there kept: one matrix of each kind, whose exponents are zero."""
     stiffness, mass = block.stretched(sizes)
-    return _block(block, inner_basis(block, [sizes], ALL), [stiffness], [mass], (ONCE, ONCE))
+    return _block(block, _inner_basis(block, [sizes], ALL), [stiffness], [mass], (ONCE, ONCE))
 
 
 def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedBlock:
@@ -295,7 +295,7 @@ def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedB
     )  # fmt: skip
 
 
-def inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:
+def _inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:
     """Functions of the inside (inner, r), orthonormal in the strain energy of the reference design (a POD, sirovich1987).
 
     The rigid-body modes of every design are among them, so that none meets a force. What a design's snapshots add to those of
@@ -361,12 +361,12 @@ STAGGERED = Symmetry(
 )  # the zone's oblique sides are left alone by no mirror
 
 
-def symmetry_of(lattice: Lattice, is_alike: bool) -> Symmetry:
+def _symmetry_of(lattice: Lattice, is_alike: bool) -> Symmetry:
     """The symmetry of rows in line whose cell is, or is not, its own image with x and y exchanged, or of staggered rows."""
     return STAGGERED if lattice.is_centred else ALIKE if is_alike else UNLIKE
 
 
-def line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
+def _line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
     """The line of the zone that a wavevector in units of pi / pitch lies on and that a mirror leaves alone, by its ends.
 
     SolverError for any other wavevector of rows in line: paths run along the sides of the irreducible Brillouin zone.
@@ -380,7 +380,7 @@ def line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
     raise SolverError(f"wavevector {x:g}, {y:g} pi/pitch: no mirror of the cell leaves it alone")
 
 
-def parities(face: Interface, symmetry: Symmetry) -> tuple[FloatArray, ...]:
+def _parities(face: Interface, symmetry: Symmetry) -> tuple[FloatArray, ...]:
     """Each member's polynomials among the cell's own, (boundary, m); the image of a class by exchanging x and y."""
     own = [face.parity_basis({0: x, 1: y}, diagonal) for x, y, diagonal in symmetry.classes]
     images = len(symmetry.members) - len(symmetry.classes)
@@ -477,9 +477,9 @@ def _span(motions: FloatArray) -> FloatArray:
 def _sectors(
     face: Interface, fractions: tuple[tuple[float, float], ...], lattice: Lattice, is_alike: bool
 ) -> tuple[Sector, ...]:
-    symmetry = symmetry_of(lattice, is_alike)
-    lines = np.array([line_of(np.array(fraction), lattice, symmetry) for fraction in fractions])
-    classes, out = parities(face, symmetry), []
+    symmetry = _symmetry_of(lattice, is_alike)
+    lines = np.array([_line_of(np.array(fraction), lattice, symmetry) for fraction in fractions])
+    classes, out = _parities(face, symmetry), []
     for name, pair in symmetry.sectors.items():
         points = np.flatnonzero(lines == name)
         phases = [lattice.phases(np.pi * np.array(fractions[point])) for point in points]

@@ -97,7 +97,7 @@ class Group:
 
     def gain(self, vectors: FloatArray, values: FloatArray) -> FloatArray:
         """Gains (k, patches) of the loads on modes (dof, k), each at its own eigenvalue (k,)."""
-        return gains_at(vectors, values / self.eigenvalue if self.eigenvalue else None, self.loads, self.inertia)
+        return _gains_at(vectors, values / self.eigenvalue if self.eigenvalue else None, self.loads, self.inertia)
 
     @property
     def symmetries(self) -> tuple[str, ...]:
@@ -192,7 +192,7 @@ class PatchedPlate:
             part, motion = bond.parts[-1], self.motion(plates, number, -1)
             coarse[:, number] = motion.T @ part.load
             coarse_inertia[:, number] = motion.T @ part.inertia
-        shares = joint_shares([bond.shares for bond in self.bonds])
+        shares = _joint_shares([bond.shares for bond in self.bonds])
         return Group(
             tuple(plates),
             partial(self._pencil, plates, 0),
@@ -258,7 +258,7 @@ class PatchedPlate:
     def _bare(self, plate: AssembledPlate, mesh: int) -> PlainPencil:
         """K and M of a class without patches, kept from the finest mesh of the patches to the next, which begins with them."""
         pencil = self._pencils.pop(plate.symmetry, None) or plate.pencil()
-        if mesh == 0 and joint_shares([bond.shares for bond in self.bonds]):
+        if mesh == 0 and _joint_shares([bond.shares for bond in self.bonds]):
             self._pencils[plate.symmetry] = pencil
         return pencil
 
@@ -404,7 +404,7 @@ class ExtrapolatedModes:
     images: tuple[FloatArray, FloatArray]
 
 
-def gains_at(
+def _gains_at(
     vectors: FloatArray, growth: FloatArray | None, loads: FloatArray, inertia: FloatArray | None
 ) -> FloatArray:
     """Gains (k, patches) of loads on modes (dof, k); growth (k,): of their part by inertia."""
@@ -414,7 +414,7 @@ def gains_at(
     return np.asarray(gain + (growth - 1.0)[:, None] * (vectors.T @ inertia))
 
 
-def joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | None:
+def _joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | None:
     """Mean error fractions of several patches, whose differences add to the uncertainty; None if one has none."""
     known = [each for each in shares if each is not None]
     if not known or len(known) < len(shares):
@@ -584,6 +584,6 @@ def _aligned(
     own = np.diag(values)
     change = (turn.T * eigenvalues) @ turn - fine.T @ own @ fine
     growth = eigenvalues / group.eigenvalue if group.eigenvalue else None
-    other = turn.T @ gains_at(moved, growth, coarser.loads, coarser.inertia) - fine.T @ gain
+    other = turn.T @ _gains_at(moved, growth, coarser.loads, coarser.inertia) - fine.T @ gain
     known = (fine**2).sum(axis=1)
     return own + fine @ change @ fine.T, gain + fine @ other, known

@@ -120,7 +120,7 @@ DECIBELS = 20.0 / log(10.0)
 MOST = 0.45  # relative: eigenvalues stay positive
 
 
-def mode_errors(
+def _mode_errors(
     column: Assembly, pencil: tuple[ComplexArray, ComplexArray], value: FloatArray, vectors: ComplexArray
 ) -> ModeErrors:
     """Estimate the errors of M-orthonormal modes (dof, k) of a column and its K and M with scaled eigenvalues (k,).
@@ -333,7 +333,7 @@ class Column:
             return Overlaps.between(parts).mixing_db(tones_hz, index, error)
 
         modes = AcrossModes(tones_hz, measure_profile(own, self.design))
-        errors = lambda: mode_errors(self, self.pencil(), stiff, vectors)  # noqa: E731
+        errors = lambda: _mode_errors(self, self.pencil(), stiff, vectors)  # noqa: E731
         return Driven(modes, forced.confinement_db, errors, bar_db, mixing_db)
 
     def solve(self, low_hz: float, high_hz: float) -> tuple[FloatArray, ComplexArray]:

@@ -42,7 +42,7 @@ class EffectiveMass:
     coupling: FloatArray
 
 
-def root_compliance(pillar: Pillar) -> float:
+def _root_compliance(pillar: Pillar) -> float:
     """Rotation of the pillar's foot in an elastic half-space per moment, rad/(N m): 16.67/(pi E a^3).
 
     Plane stress, for a square section of side a; another one has that of the square of equal area. Source: odonnell1960.
@@ -248,7 +248,7 @@ def _with_rows(
 
     @cache
     def bodies(pillar: Pillar) -> tuple[EffectiveMass, EffectiveMass]:
-        give_way = softness * root_compliance(pillar)
+        give_way = softness * _root_compliance(pillar)
         return bending_effective_mass(pillar, design.thickness_m / 2.0, give_way), lifting_effective_mass(pillar)
 
     for row, y in _rows(design):

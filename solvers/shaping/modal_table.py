@@ -61,7 +61,7 @@ class ModalTable:
         return int(np.argmin(np.abs(self.frequencies_hz - frequency_hz)))
 
 
-def receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
+def _receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
     """1/(omega_m^2 - omega^2 + i omega omega_m/Q_m), s2, shape (m,).
 
     Raises SolverError for a frequency that is not above 0, and on the very frequency of a mode without loss.
@@ -80,7 +80,7 @@ def receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
 
 def modal_drive(table: ModalTable, frequency_hz: float) -> ComplexArray:
     """Modal coordinates per volt, shape (m, a); errors as receptance."""
-    return np.asarray(receptance(table, frequency_hz)[:, None] * table.actuators)
+    return np.asarray(_receptance(table, frequency_hz)[:, None] * table.actuators)
 
 
 def sensor_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:

@@ -162,7 +162,7 @@ def quantiles(values: FloatArray) -> dict[str, Any]:
     return {"q05": float(low), "median": float(middle), "q95": float(high)}
 
 
-def unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
+def _unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
     """Normally distributed phasors of rms 1."""
     return np.asarray((random.standard_normal(shape) + 1j * random.standard_normal(shape)) / np.sqrt(2.0))
 
@@ -330,8 +330,8 @@ def _misjudged(matrix: ComplexArray, errors: Errors, random: np.random.Generator
         1j * errors.phase_rad * random.standard_normal(size)
     )
     neighbours = np.eye(size, k=1) + np.eye(size, k=-1)
-    heard = np.eye(size) + errors.crosstalk * neighbours * unit_phasors(random, (size, size))
-    noise = errors.noise * float(np.abs(matrix).max()) * unit_phasors(random, matrix.shape)
+    heard = np.eye(size) + errors.crosstalk * neighbours * _unit_phasors(random, (size, size))
+    noise = errors.noise * float(np.abs(matrix).max()) * _unit_phasors(random, matrix.shape)
     return np.asarray(gains[:, None] * (heard @ matrix) + noise)
 
 
