@@ -58,11 +58,11 @@ def level_bars(frequency_hz: FloatArray, level_db: FloatArray, error: float | No
     Parameters
     ----------
     frequency_hz, level_db : ndarray, shape (n,)
-        The samples, ascending; NaN for no level.
+        The samples, ascending in frequency; NaN for no level.
     error : float or None
-        Relative error bar of the frequencies; None without an estimate.
+        Error bar of the frequencies, relative; None without an estimate.
     level : callable
-        The level in dB at a frequency in Hz; called where the samples do not resolve the curve.
+        Returns the level in dB at a frequency in Hz; called where the samples do not resolve the curve.
 
     Returns
     -------
@@ -161,23 +161,29 @@ def forced_bars(
     error: FloatArray,
     mixed: float,
 ) -> FloatArray:
-    """Half-widths of the bars of the level of one part over another of a motion forced on M-orthonormal modes, dB.
+    """Half-widths of the error bars of the level of one part over another, of a motion forced on M-orthonormal modes.
 
     Parameters
     ----------
-    parts : two of (weights (q,), values (q, k))
-        The faces whose rms are compared: areas of their points, and the modes there.
-    force, value, error : ndarray, shape (k,)
-        Modal forces, scaled eigenvalues, and relative error bars of the frequencies.
+    parts : two of (weights, values)
+        Faces whose rms are compared: areas (q,) of their points in m2, and the modes (q, k) there.
+    force : ndarray, shape (k,)
+        Modal forces, complex.
+    value : ndarray, shape (k,)
+        Scaled eigenvalues of the modes.
     moved : ndarray, shape (t,)
         Scaled eigenvalues of the driving frequencies.
     quality_factor : float
+        Quality factor Q of every mode, a ratio.
+    error : ndarray, shape (k,)
+        Error bars of the modes' frequencies, relative.
     mixed : float
-        Expected share of the bound on what modes mix.
+        Expected fraction of the bound on what modes mix.
 
     Returns
     -------
     ndarray, shape (t,)
+        Half-widths in dB.
     """
     lossy = 1.0 + 1j / quality_factor
     stiff, error = value[:, None] * lossy, np.minimum(error, MOST)
@@ -186,13 +192,14 @@ def forced_bars(
     own = [np.einsum("q,qk->k", weights, np.abs(values) ** 2)[:, None] for weights, values in parts]
     squares = [np.maximum(np.einsum("kt,kt->t", share.conj(), each).real, 1e-300) for each in projected]
     single = np.zeros_like(moved)
-    for sign in (-1.0, 1.0):
+    for sign in (-1.0, 1.0):  # d_jj: each frequency at either end of its bar, the changes of all modes added
         change = force[:, None] / ((1.0 + sign * error[:, None]) ** 2 * stiff - moved) - share
         grown = [
             np.maximum(1.0 + (2.0 * (change.conj() * each).real + np.abs(change) ** 2 * norm) / whole, 1e-12)
             for each, norm, whole in zip(projected, own, squares, strict=True)
         ]
         single = np.maximum(single, DECIBELS / 2.0 * np.abs(np.log(grown[0] / grown[1])).sum(axis=0))
+    # d_ij: the amplitudes that all other modes add to each, by the root of their squares
     source = 2.0 * error[:, None] * np.sqrt(np.abs(value))[:, None] * np.abs(share)
     others = np.sqrt(np.maximum((source**2).sum(axis=0) - source**2, 0.0))
     added = np.sqrt(np.abs(value))[:, None] * others / np.abs(stiff - moved)
@@ -377,9 +384,28 @@ def _numbered(live: BoolArray, start: int) -> tuple[IntArray, int]:
 
 
 def column_strips(design: Design, max_edge_m: float, panels: int | None = None) -> list[tuple[Panel, ...]]:
-    """The panels of one column along y, grouped by strip; with one zone, from its middle outwards.
+    """Panels of one column along y, grouped by strip; with one zone, from its middle outwards.
 
-    With staggered rows, each pitch has two panels, with the pillar in one or the other. SolverError unless they part at y = 0.
+    With staggered rows, each pitch has two panels, with the pillar in one or the other.
+
+    Parameters
+    ----------
+    design : Design
+        The plate.
+    max_edge_m : float
+        Longest edge of a panel, and the column's width without rows.
+    panels : int, optional
+        Panels in a pitch along x; by default as few as the rows allow.
+
+    Returns
+    -------
+    list of tuple of Panel
+        Panels of each strip, along x.
+
+    Raises
+    ------
+    SolverError
+        If the panels of a plate with one zone do not part at y = 0.
     """
     width = max_edge_m if isnan(design.pitch_x_m) or not design.rows else design.pitch_x_m
     count = (panels or 1 + design.is_staggered) if design.rows else 1

@@ -51,9 +51,25 @@ def _root_compliance(pillar: Pillar) -> float:
 
 
 def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0.0) -> EffectiveMass:
-    """The foot turns about a line `lever_m` below it (the plate's middle), the pillar bends. Source: craig1968.
+    """Effective mass of a pillar that bends while its foot turns about a line in the plate.
 
-    `compliance` (rad/(N m)) lets the pillar rotate on its foot, too: the compliance of the plate around it.
+    Parameters
+    ----------
+    pillar : Pillar
+        The pillar.
+    lever_m : float
+        Distance of the line below the foot: half the plate's thickness.
+    compliance : float, optional
+        Rotation of the pillar on its foot per moment, rad/(N m); 0 for a foot that is clamped in the plate.
+
+    Returns
+    -------
+    EffectiveMass
+        Of the foot's rotation.
+
+    References
+    ----------
+    .. [1] craig1968 (docs/references.bib)
     """
     beam = pillar_beam(pillar, about_x=True)
     s, weight, ratio = _rule(beam)
@@ -65,7 +81,7 @@ def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0
     stiffness = _gram(bent, bent, weight * beam.bending_n_m2 * ratio**4)
     stiffness += _gram(shear, shear, weight * beam.shear_n * ratio**2)
     heavy, rotary = _inertias(beam, weight, ratio)
-    if compliance > 0.0:
+    if compliance > 0.0:  # one more coordinate: the pillar's rigid rotation against a spring at its foot
         deflection, turn = np.column_stack([deflection, length * s]), np.column_stack([turn, np.ones_like(s)])
         stiffness = np.pad(stiffness, (0, 1))
         stiffness[-1, -1] = 1.0 / compliance
@@ -79,7 +95,18 @@ def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0
 
 
 def lifting_effective_mass(pillar: Pillar) -> EffectiveMass:
-    """The foot moves along the pillar's axis, the pillar stretches."""
+    """Effective mass of a pillar that stretches while its foot moves along its axis.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        The pillar.
+
+    Returns
+    -------
+    EffectiveMass
+        Of the foot's lift.
+    """
     beam = pillar_beam(pillar, about_x=True)
     s, weight, ratio = _rule(beam)
     shapes, slopes = _clamped(s)
@@ -138,9 +165,26 @@ _GAUSS = legendre.leggauss(4)
 
 
 def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float = 0.5) -> AcrossModes:
-    """Modes with low <= f <= high, Hz. SolverError for a design without zone or thickness.
+    """Solve the modes of a plate as one strip, within a window.
 
-    `softness` scales the compliance of the pillars' feet in addition to the strip's own bending: 1 is that of a half-space.
+    Parameters
+    ----------
+    design : Design
+        The plate.
+    low_hz, high_hz : float
+        Ends of the window.
+    softness : float, optional
+        Fraction of a half-space's compliance that the pillars' feet have, in addition to the strip's own bending.
+
+    Returns
+    -------
+    AcrossModes
+        Frequencies and measures (k,).
+
+    Raises
+    ------
+    SolverError
+        If the design lacks a zone or a thickness.
     """
     frequency_hz, profile = _solved(design, (low_hz, high_hz), softness)
     return AcrossModes(frequency_hz, measure_profile(profile, design))
@@ -149,8 +193,30 @@ def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float =
 def strip_zones(
     design: Design, low_hz: float, high_hz: float, quality_factor: float, softness: float = 0.5
 ) -> DrivenZones:
-    """Zones of a plate driven in turn at their peaks within a window, by its modes and those somewhat beyond. SolverError as
-    strip_modes, and where no mode lies there.
+    """Drive the zones of a plate as one strip in turn, at their peaks within a window.
+
+    The modes within the window and somewhat beyond respond.
+
+    Parameters
+    ----------
+    design : Design
+        The plate.
+    low_hz, high_hz : float
+        Ends of the window.
+    quality_factor : float
+        Quality factor Q of every mode, a ratio.
+    softness : float, optional
+        Fraction of a half-space's compliance that the pillars' feet have, in addition to the strip's own bending.
+
+    Returns
+    -------
+    DrivenZones
+        Peak, levels and MAC of every zone.
+
+    Raises
+    ------
+    SolverError
+        If the design lacks a zone or a thickness, or no mode lies there.
     """
     frequency_hz, profile = _solved(design, (BESIDE[0] * low_hz, BESIDE[1] * high_hz), softness)
     return drive_zones(design, frequency_hz, profile, (low_hz, high_hz), quality_factor)
@@ -248,8 +314,8 @@ def _with_rows(
 
     @cache
     def bodies(pillar: Pillar) -> tuple[EffectiveMass, EffectiveMass]:
-        give_way = softness * _root_compliance(pillar)
-        return bending_effective_mass(pillar, design.thickness_m / 2.0, give_way), lifting_effective_mass(pillar)
+        compliance = softness * _root_compliance(pillar)
+        return bending_effective_mass(pillar, design.thickness_m / 2.0, compliance), lifting_effective_mass(pillar)
 
     for row, y in _rows(design):
         pillar = design.row_pillars[row]

@@ -79,18 +79,72 @@ def _receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
 
 
 def modal_drive(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Modal coordinates per volt, shape (m, a); errors as receptance."""
+    """Modal coordinates per volt of each actuator.
+
+    Parameters
+    ----------
+    table : ModalTable
+        The structure.
+    frequency_hz : float
+        Driving frequency.
+
+    Returns
+    -------
+    ndarray, shape (m, a)
+        Complex, in m sqrt(kg) per volt.
+
+    Raises
+    ------
+    SolverError
+        For a frequency that is not above 0, or that of a mode without loss.
+    """
     return np.asarray(_receptance(table, frequency_hz)[:, None] * table.actuators)
 
 
 def sensor_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """T(omega): signals per volt, shape (s, a); errors as receptance."""
+    """Transfer matrix T(omega): signals per volt.
+
+    Parameters
+    ----------
+    table : ModalTable
+        The structure.
+    frequency_hz : float
+        Driving frequency.
+
+    Returns
+    -------
+    ndarray, shape (s, a)
+        Complex, in the sensors' unit per volt; the static residual is included.
+
+    Raises
+    ------
+    SolverError
+        For a frequency that is not above 0, or that of a mode without loss.
+    """
     modal: ComplexArray = table.sensors.T @ modal_drive(table, frequency_hz)
     return modal if table.sensor_residual is None else modal + table.sensor_residual
 
 
 def field_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Displacement at the points per volt, m/V, shape (p, a); errors as receptance."""
+    """Displacement at the table's points per volt.
+
+    Parameters
+    ----------
+    table : ModalTable
+        The structure.
+    frequency_hz : float
+        Driving frequency.
+
+    Returns
+    -------
+    ndarray, shape (p, a)
+        Complex, in m/V; the static residual is included.
+
+    Raises
+    ------
+    SolverError
+        For a frequency that is not above 0, or that of a mode without loss.
+    """
     modal: ComplexArray = table.field.T @ modal_drive(table, frequency_hz)
     return modal if table.field_residual is None else modal + table.field_residual
 
@@ -147,7 +201,25 @@ class Conditioning:
 
 
 def orthogonality(matrix: ComplexArray) -> FloatArray:
-    """ORT, shape (s, s), from T (s, a); no scaling of a row changes it. SolverError for a row of zeros."""
+    """Compare the rows of T: ORT_ij = |t_i . conj t_j|/(|t_i||t_j|).
+
+    No scaling of a row changes it.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (s, a)
+        Transfer matrix T.
+
+    Returns
+    -------
+    ndarray, shape (s, s)
+        From 0 (orthogonal) to 1 (parallel).
+
+    Raises
+    ------
+    SolverError
+        If a sensor answers to no actuator.
+    """
     matrix = np.asarray(matrix, dtype=complex)
     size = np.linalg.norm(matrix, axis=1)
     largest = float(size.max(initial=0.0))
@@ -162,7 +234,23 @@ def orthogonality(matrix: ComplexArray) -> FloatArray:
 
 
 def coupling_index(matrix: ComplexArray) -> float:
-    """||I - ORT||_2/(N - 1), 0 (orthogonal rows) to 1 (all parallel); SolverError below two rows or for an undriven row."""
+    """Coupling index ||I - ORT||_2/(N - 1) of the rows of T.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (s, a)
+        Transfer matrix T.
+
+    Returns
+    -------
+    float
+        From 0 (orthogonal rows) to 1 (all parallel).
+
+    Raises
+    ------
+    SolverError
+        If there are fewer than two sensors, or one answers to no actuator.
+    """
     if len(matrix) < 2:
         raise SolverError("the coupling index compares sensors: it needs two or more")
     modal_overlap = orthogonality(matrix)
@@ -170,7 +258,23 @@ def coupling_index(matrix: ComplexArray) -> float:
 
 
 def conditioning(matrix: ComplexArray) -> Conditioning:
-    """Condition number and coupling index of T; errors as coupling_index."""
+    """Condition number and coupling index of T.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (s, a)
+        Transfer matrix T.
+
+    Returns
+    -------
+    Conditioning
+        Both, with a condition number of inf for a singular T.
+
+    Raises
+    ------
+    SolverError
+        If there are fewer than two sensors, or one answers to no actuator.
+    """
     singular = np.linalg.svd(matrix, compute_uv=False)
     coupling = coupling_index(matrix)
     return Conditioning(float(singular[0] / singular[-1]) if singular[-1] > 0.0 else np.inf, coupling)
@@ -186,7 +290,25 @@ class Scan:
 
 
 def scan(matrix_at: Callable[[float], ComplexArray], frequencies_hz: FloatArray) -> Scan:
-    """Conditioning of T, given as a function of the frequency in Hz, at each frequency; errors as its and coupling_index."""
+    """Conditioning of T at each frequency.
+
+    Parameters
+    ----------
+    matrix_at : callable
+        Returns T (s, a) at a frequency in Hz.
+    frequencies_hz : ndarray, shape (n,)
+        Frequencies of the scan.
+
+    Returns
+    -------
+    Scan
+        Condition number and coupling index over frequency.
+
+    Raises
+    ------
+    SolverError
+        If `matrix_at` raises it, or T cannot be compared (`coupling_index`).
+    """
     couplings = [conditioning(matrix_at(float(f))) for f in frequencies_hz]
     return Scan(
         np.asarray(frequencies_hz, dtype=float),
@@ -196,9 +318,24 @@ def scan(matrix_at: Callable[[float], ComplexArray], frequencies_hz: FloatArray)
 
 
 def operating_frequencies(of: Scan, count: int = 3) -> FloatArray:
-    """The best frequencies to invert T at, Hz: least condition numbers among the local minima of a scan, best first.
+    """Find the best frequencies to invert T at: the least condition numbers among the local minima of a scan.
 
-    SolverError when the scan has none between its ends.
+    Parameters
+    ----------
+    of : Scan
+        Conditioning over frequency.
+    count : int, optional
+        Frequencies at most.
+
+    Returns
+    -------
+    ndarray, shape (count,) or shorter
+        Frequencies in Hz, best first.
+
+    Raises
+    ------
+    SolverError
+        If the scan has no minimum between its ends.
     """
     inner = of.condition[1:-1]
     lows = 1 + np.flatnonzero((inner < of.condition[:-2]) & (inner <= of.condition[2:]))
@@ -219,10 +356,24 @@ NODE = 0.05  # of the largest amplitude: a sensor below it stands too near a nod
 
 
 def calibrate(displacement: ComplexArray, voltage: ComplexArray) -> ComplexArray:
-    """c of each sensor (s,), m/V, from displacement and voltage (n, s) at n amplitudes of one standing wave.
+    """Calibrate sensors on a standing wave: c = sum conj(V) w/sum |V|^2 over the amplitudes.
 
-    c = sum conj(V) w/sum |V|^2 over the amplitudes. SolverError below two amplitudes, for shapes that differ, and for a sensor
-    that stands on a node of the wave.
+    Parameters
+    ----------
+    displacement : ndarray, shape (n, s)
+        Complex displacement w under each sensor, in m, at n amplitudes of one wave.
+    voltage : ndarray, shape (n, s)
+        Complex voltage V of each sensor, in V.
+
+    Returns
+    -------
+    ndarray, shape (s,)
+        Complex factor c of each sensor, in m/V.
+
+    Raises
+    ------
+    SolverError
+        If there are fewer than two amplitudes, the shapes differ, or a sensor stands on a node of the wave.
     """
     w, v = displacement, voltage
     if w.ndim != 2 or w.shape != v.shape or not w.size:
@@ -237,7 +388,18 @@ def calibrate(displacement: ComplexArray, voltage: ComplexArray) -> ComplexArray
 
 
 def common_phase(factor: ComplexArray) -> float:
-    """Common phase of the sensors' factors (the delay of the measuring chain), rad."""
+    """Common phase of the sensors' factors, due to the delay of the measuring chain.
+
+    Parameters
+    ----------
+    factor : ndarray, shape (s,)
+        Complex factors, as of `calibrate`.
+
+    Returns
+    -------
+    float
+        In rad.
+    """
     return float(np.angle(np.sum(factor / np.abs(factor))))
 
 

@@ -24,15 +24,54 @@ MIN_COUNT = 8  # points for a two-wave fit
 
 
 def wave_target(places_m: FloatArray, wavelength_m: float) -> ComplexArray:
-    """e^{-2 pi i x/lambda} at the sensors, shape (s,): equal amplitudes, phases by place. SolverError for lambda <= 0."""
+    """Target e^{-2 pi i x/lambda} at the sensors: equal amplitudes, phases by place.
+
+    Parameters
+    ----------
+    places_m : ndarray, shape (s,)
+        Places of the sensors along the line.
+    wavelength_m : float
+        Wavelength lambda.
+
+    Returns
+    -------
+    ndarray, shape (s,)
+        Complex signals of amplitude 1.
+
+    Raises
+    ------
+    SolverError
+        If the wavelength is not above 0.
+    """
     check_above_zero("wavelength in m", wavelength_m)
     return np.asarray(np.exp(-2j * pi * np.asarray(places_m) / wavelength_m))
 
 
 def free_wavelength_m(frequency_hz: float, bending_n_m2: float, mass_kg_m: float) -> float:
-    """lambda = 2 pi c/omega of a free flexural wave, c = sqrt(omega) (EI/rho A)^(1/4) its phase velocity, m.
+    """Wavelength of a free flexural wave: lambda = 2 pi c/omega, c = sqrt(omega) (EI/rho A)^(1/4) its phase velocity.
 
-    Source: graff1975. SolverError for a frequency that is not above 0.
+    Parameters
+    ----------
+    frequency_hz : float
+        Frequency of the wave.
+    bending_n_m2 : float
+        Bending stiffness EI in N m2.
+    mass_kg_m : float
+        Mass per length rho A in kg/m.
+
+    Returns
+    -------
+    float
+        Wavelength in m.
+
+    Raises
+    ------
+    SolverError
+        If the frequency is not above 0.
+
+    References
+    ----------
+    .. [1] graff1975 (docs/references.bib)
     """
     check_above_zero("frequency in Hz", frequency_hz)
     omega = 2.0 * pi * frequency_hz
@@ -40,7 +79,23 @@ def free_wavelength_m(frequency_hz: float, bending_n_m2: float, mass_kg_m: float
 
 
 def travelling_wave_ratio(displacement: ComplexArray) -> float:
-    """TWR = 1 - SWR of |w| over points that leave the near field out. SolverError for a field of zeros."""
+    """Travelling-wave ratio TWR = 1 - SWR of |w|.
+
+    Parameters
+    ----------
+    displacement : ndarray, shape (p,)
+        Complex field at points outside the near fields.
+
+    Returns
+    -------
+    float
+        From 0 (standing) to 1 (travelling, or moving in step with even amplitude).
+
+    Raises
+    ------
+    SolverError
+        If the field is zero everywhere.
+    """
     size = np.abs(displacement)
     if not size.size or size.max() == 0.0:
         raise SolverError("the field is zero everywhere: it has no standing-wave ratio")
@@ -48,17 +103,57 @@ def travelling_wave_ratio(displacement: ComplexArray) -> float:
 
 
 def forward_energy_share(ratio: float) -> float:
-    """Share of the two waves' energy that the forward one carries for a TWR, 1/(1 + (1 - TWR)^2)."""
+    """Share of the two waves' energy that the forward one carries, 1/(1 + (1 - TWR)^2).
+
+    Parameters
+    ----------
+    ratio : float
+        Travelling-wave ratio TWR, 0 to 1.
+
+    Returns
+    -------
+    float
+        Fraction of the energy, 1/2 to 1.
+    """
     return 1.0 / (1.0 + (1.0 - ratio) ** 2)
 
 
 def net_flux_share(ratio: float) -> float:
-    """Net energy flux over the forward wave's for a TWR, 1 - (1 - TWR)^2."""
+    """Net energy flux over the forward wave's, 1 - (1 - TWR)^2.
+
+    Parameters
+    ----------
+    ratio : float
+        Travelling-wave ratio TWR, 0 to 1.
+
+    Returns
+    -------
+    float
+        Fraction of the flux, 0 to 1.
+    """
     return 1.0 - (1.0 - ratio) ** 2
 
 
 def inner_window(points_m: FloatArray, low_m: float, high_m: float) -> BoolArray:
-    """Points with low <= x <= high, shape (p,): the stretch clear of the ends' near fields. SolverError when it holds none."""
+    """Select the points with low <= x <= high: the stretch clear of the near fields at the ends.
+
+    Parameters
+    ----------
+    points_m : ndarray, shape (p,) or (p, d)
+        Points of the line, x first.
+    low_m, high_m : float
+        Ends of the stretch.
+
+    Returns
+    -------
+    ndarray of bool, shape (p,)
+        Mask of the points.
+
+    Raises
+    ------
+    SolverError
+        If it selects fewer than two points.
+    """
     x = np.asarray(points_m).reshape(len(points_m), -1)[:, 0]
     inside = (x >= low_m) & (x <= high_m)
     if inside.sum() < 2:
@@ -83,9 +178,28 @@ class TwoWaves:
 
 
 def two_wave_fit(x_m: FloatArray, displacement: ComplexArray, guess: float) -> TwoWaves:
-    """Both waves and their wavenumber by least squares, searched within a factor 1.5 of a guess (rad/m).
+    """Fit both waves and their wavenumber by least squares.
 
-    What does not fit (near fields of ends and patches) is left in `rest`. SolverError below 8 points or for zeros.
+    The wavenumber is searched within a factor of 1.5 of a guess. Near fields of ends and patches stay in the residual.
+
+    Parameters
+    ----------
+    x_m : ndarray, shape (p,)
+        Points along the line.
+    displacement : ndarray, shape (p,)
+        Complex field there.
+    guess : float
+        Wavenumber in rad/m.
+
+    Returns
+    -------
+    TwoWaves
+        Amplitudes in the field's unit, wavenumber and relative residual.
+
+    Raises
+    ------
+    SolverError
+        If there are fewer than MIN_COUNT points, or the field is zero everywhere.
     """
     if len(x_m) < MIN_COUNT or not np.abs(displacement).any():
         raise SolverError(f"a two-wave fit needs {MIN_COUNT} points of a field that is not zero, {len(x_m)} came")
@@ -105,10 +219,26 @@ def two_wave_fit(x_m: FloatArray, displacement: ComplexArray, guess: float) -> T
 
 
 def best_travelling_drive(field: ComplexArray, x_m: FloatArray, guess: float) -> tuple[ComplexArray, float]:
-    """Voltages (a,) of the largest TWR found over points x (p,) with amplitude and phase of every actuator free, and that TWR.
+    """Search the voltages of the largest TWR, amplitude and phase of every actuator free.
 
-    field (p, a): displacement per volt. Starts from the least-squares waves e^{-ikx} around a guess of k, then raises the
-    smallest amplitude while the largest stays 1. Not convex: the value found is attained, but a larger one cannot be excluded.
+    It starts from the least-squares waves e^{-ikx} around a guess of k. It then raises the smallest amplitude while the
+    largest stays 1. The problem is not convex: the value found is attained, but a larger one cannot be excluded.
+
+    Parameters
+    ----------
+    field : ndarray, shape (p, a)
+        Displacement per volt.
+    x_m : ndarray, shape (p,)
+        Points along the line; the wave runs towards larger x.
+    guess : float
+        Wavenumber k in rad/m.
+
+    Returns
+    -------
+    voltages : ndarray, shape (a,)
+        Complex voltages, of any common factor.
+    ratio : float
+        Their TWR over the points, 0 to 1.
     """
     scaled = field / np.abs(field).max()
     starts = []
@@ -156,10 +286,28 @@ def _raised(field: ComplexArray, start: ComplexArray) -> ComplexArray:
 
 
 def hold_modes(table: ModalTable, frequency_hz: float, held: dict[int, complex], others: float = 1.0) -> Drive:
-    """Voltages that give modal coordinates {mode: amplitude} and keep the rest small: least squares over all modes.
+    """Find the voltages that hold some modal coordinates and keep the rest small, by least squares over all modes.
 
-    others: weight of the modes not named, against 1 for those that are; 0 leaves them free. Raises SolverError for a mode that
-    is not in the table, a mode no actuator reaches, others < 0; as drive_voltages and receptance.
+    Parameters
+    ----------
+    table : ModalTable
+        The structure.
+    frequency_hz : float
+        Driving frequency.
+    held : dict of int to complex
+        Modal coordinate of each held mode, by its number, in units of m sqrt(kg).
+    others : float, optional
+        Weight of all other modes relative to 1 for the held ones; 0 leaves them free.
+
+    Returns
+    -------
+    Drive
+        Voltages (a,) in V, and their relative error.
+
+    Raises
+    ------
+    SolverError
+        If a mode is not in the table or no actuator reaches it, or `others` is below 0; as `drive_voltages`.
     """
     count = table.frequencies_hz.size
     for mode in held:
@@ -197,11 +345,30 @@ class ModePair:
 
 
 def travelling_pair(table: ModalTable, modes: tuple[int, int], inside: BoolArray, others: float = 1.0) -> ModePair:
-    """Hold two modes 90 degrees apart with equal rms over `inside`, points (p,) along a line of the zone.
+    """Hold two modes 90 degrees apart, with equal rms over a stretch of the zone.
 
-    The frequency is half-way between the two (geometric mean); the pure sum of the two runs towards +x.
+    The frequency is half-way between the two (geometric mean). The pure sum of the two runs towards +x.
 
-    SolverError for the same mode twice, fewer than 8 points inside, a mode with no motion there; as hold_modes.
+    Parameters
+    ----------
+    table : ModalTable
+        The structure.
+    modes : (int, int)
+        Numbers of the two modes.
+    inside : ndarray of bool, shape (p,)
+        Points of the table along a line of the zone.
+    others : float, optional
+        Weight of all other modes relative to 1 for the two.
+
+    Returns
+    -------
+    ModePair
+        Drive, field and TWR.
+
+    Raises
+    ------
+    SolverError
+        If both modes are one, one does not move inside, or fewer than 8 points lie inside; as `hold_modes`.
     """
     first, second = modes
     if first == second:

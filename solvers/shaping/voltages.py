@@ -116,10 +116,28 @@ class Confined:
 
 
 def drive_voltages(matrix: ComplexArray, target: ComplexArray, limit_v: float = np.inf) -> Drive:
-    """Voltages for a target W (s,), from T (s, a).
+    """Find the voltages for a target W = T V within a limit.
 
-    More sensors than actuators: least squares; fewer: the smallest voltages. Raises SolverError for a singular T, a target of
-    zeros or of another length, a limit that is not above 0.
+    With more sensors than actuators they are the least-squares solution, with fewer the smallest voltages.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (s, a)
+        Transfer matrix T, signals per volt.
+    target : ndarray, shape (s,)
+        Complex signals W.
+    limit_v : float, optional
+        Largest amplitude of each voltage; none by default.
+
+    Returns
+    -------
+    Drive
+        Voltages (a,) in V, and their relative error.
+
+    Raises
+    ------
+    SolverError
+        If T is singular, the target is zero or of another length, the limit is not above 0 or its search fails.
     """
     matrix, target = np.asarray(matrix, dtype=complex), np.asarray(target, dtype=complex)
     _check(matrix, target, limit_v)
@@ -132,10 +150,26 @@ def drive_voltages(matrix: ComplexArray, target: ComplexArray, limit_v: float = 
 
 
 def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float) -> LowPass:
-    """L and R of a maximally flat filter, sqrt(L/C)/R = sqrt(1/2), whose corner lies half-way (geometrically) between the
-    highest operating and the PWM frequency.
+    """Size a maximally flat filter, sqrt(L/C)/R = sqrt(1/2).
 
-    SolverError unless 0 < highest_hz < pwm_hz and the capacitance is above 0.
+    Its corner is the geometric mean of the highest operating and the PWM frequency.
+
+    Parameters
+    ----------
+    capacitance_f : float
+        Capacitance of the clamped patch, in units of F.
+    highest_hz, pwm_hz : float
+        Highest operating frequency, and that of the pulse-width modulation.
+
+    Returns
+    -------
+    LowPass
+        Inductance, resistance and capacitance.
+
+    Raises
+    ------
+    SolverError
+        Unless 0 < highest_hz < pwm_hz and the capacitance is above 0.
     """
     if not 0.0 < highest_hz < pwm_hz:
         raise SolverError(
@@ -148,7 +182,29 @@ def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float) -> LowPas
 
 
 def monte_carlo(matrix: ComplexArray, target: ComplexArray, errors: Errors) -> tuple[ComplexArray, FloatArray]:
-    """Voltages (n, a) of n seeded trials, and their errors |T V - W|/|W|, (n,); SolverError as drive_voltages."""
+    """Draw voltages of seeded trials in which T is misjudged, and their errors.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (s, a)
+        True transfer matrix T.
+    target : ndarray, shape (s,)
+        Complex signals W.
+    errors : Errors
+        Standard deviations, number of trials and seed.
+
+    Returns
+    -------
+    voltages : ndarray, shape (n, a)
+        Voltages of each trial, in V.
+    missed : ndarray, shape (n,)
+        Relative errors |T V - W|/|W| with the true T.
+
+    Raises
+    ------
+    SolverError
+        As `drive_voltages`.
+    """
     random = np.random.default_rng(errors.seed)
     known = [_misjudged(np.asarray(matrix, dtype=complex), errors, random) for _ in range(errors.trials)]
     voltages = np.stack([drive_voltages(one, target).voltages for one in known])
@@ -157,7 +213,18 @@ def monte_carlo(matrix: ComplexArray, target: ComplexArray, errors: Errors) -> t
 
 
 def quantiles(values: FloatArray) -> dict[str, Any]:
-    """The 5, 50 and 95 % quantiles of trials."""
+    """The 5, 50 and 95 % quantiles of trials.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        One value per trial.
+
+    Returns
+    -------
+    dict of str to float
+        Under q05, median and q95, in the values' unit.
+    """
     low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
     return {"q05": float(low), "median": float(middle), "q95": float(high)}
 
@@ -168,7 +235,25 @@ def _unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> Comple
 
 
 def region_sensors(region: str, count: int) -> NDArray[np.intp]:
-    """Numbers of the sensors in a third of them along the line; SolverError for an unknown region or below 3 sensors."""
+    """Numbers of the sensors in a third of them along the line.
+
+    Parameters
+    ----------
+    region : str
+        One of REGIONS.
+    count : int
+        Sensors in all.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        From 0, along the line.
+
+    Raises
+    ------
+    SolverError
+        If the region is unknown, or there are fewer than 3 sensors.
+    """
     if region not in REGIONS:
         raise SolverError(f"region {region!r}: must be one of {', '.join(REGIONS)}")
     if count < len(REGIONS):
@@ -177,7 +262,27 @@ def region_sensors(region: str, count: int) -> NDArray[np.intp]:
 
 
 def region_points(region: str, places_m: FloatArray, points_m: FloatArray) -> BoolArray:
-    """Points not farther from a sensor of the region than from any other one, shape (p,); errors as region_sensors."""
+    """Select the points that are not farther from a sensor of the region than from any other.
+
+    Parameters
+    ----------
+    region : str
+        One of REGIONS.
+    places_m : ndarray, shape (s,)
+        Places of the sensors along the line.
+    points_m : ndarray, shape (p,) or (p, d)
+        Points of the line, x first.
+
+    Returns
+    -------
+    ndarray of bool, shape (p,)
+        Mask of the points.
+
+    Raises
+    ------
+    SolverError
+        As `region_sensors`.
+    """
     places, x = np.asarray(places_m, dtype=float), np.asarray(points_m).reshape(len(points_m), -1)[:, 0]
     chosen, away = region_sensors(region, len(places)), np.abs(x[:, None] - places)
     rounding = 1e-9 * float(np.ptp(x))
@@ -185,16 +290,51 @@ def region_points(region: str, places_m: FloatArray, points_m: FloatArray) -> Bo
 
 
 def region_target(region: str, count: int, alternate: bool = False) -> ComplexArray:
-    """Signals 1 (or +1, -1, ... when alternate) inside, 0 outside, shape (s,); errors as region_sensors."""
+    """Target signals that confine the motion to a region.
+
+    Parameters
+    ----------
+    region : str
+        One of REGIONS.
+    count : int
+        Sensors in all.
+    alternate : bool, optional
+        Whether the signs alternate inside: +1, -1, ...; else all are 1.
+
+    Returns
+    -------
+    ndarray, shape (s,)
+        Complex signals, 0 outside.
+
+    Raises
+    ------
+    SolverError
+        As `region_sensors`.
+    """
     target, inside = np.zeros(count, dtype=complex), region_sensors(region, count)
     target[inside] = (-1.0) ** np.arange(len(inside)) if alternate else 1.0
     return target
 
 
 def contrast(displacement: ComplexArray, inside: BoolArray) -> Contrast:
-    """Ratios of a field (p,) over points that stand for equal lengths.
+    """Ratios of a field's amplitudes, inside over outside.
 
-    SolverError when a side has no point or nothing moves outside and inside.
+    Parameters
+    ----------
+    displacement : ndarray, shape (p,)
+        Complex field at points that stand for equal lengths.
+    inside : ndarray of bool, shape (p,)
+        Points inside.
+
+    Returns
+    -------
+    Contrast
+        Ratios of the largest and of the rms amplitudes; inf where nothing moves outside.
+
+    Raises
+    ------
+    SolverError
+        If a side has no point, or the field is zero everywhere.
     """
     _check_sides(inside)
     size = np.abs(displacement)
@@ -207,9 +347,24 @@ def contrast(displacement: ComplexArray, inside: BoolArray) -> Contrast:
 
 
 def best_contrast(field: ComplexArray, inside: BoolArray) -> ComplexArray:
-    """Voltages (a,) of the largest contrast for a field (p, a) per volt, largest voltage 1 V.
+    """Find the voltages of the largest contrast: the largest eigenvector of the two sides' Gram matrices.
 
-    SolverError when a side has no point, or the outside cannot resist (fewer points than actuators).
+    Parameters
+    ----------
+    field : ndarray, shape (p, a)
+        Displacement per volt.
+    inside : ndarray of bool, shape (p,)
+        Points inside.
+
+    Returns
+    -------
+    ndarray, shape (a,)
+        Complex voltages in V, the largest of amplitude 1 V.
+
+    Raises
+    ------
+    SolverError
+        If a side has no point, or some voltages move nothing outside (fewer points there than actuators).
     """
     _check_sides(inside)
     gram_in, gram_out = (field[side].conj().T @ field[side] / len(field[side]) for side in (inside, ~inside))
@@ -223,10 +378,33 @@ def best_contrast(field: ComplexArray, inside: BoolArray) -> ComplexArray:
 def attach_oscillators(
     table: ModalTable, points: NDArray[np.intp], mass_kg: float, frequency_hz: float, quality_factor: float
 ) -> ModalTable:
-    """The structure with equal mass-spring oscillators at some of its points; modes of both, residuals as they were.
+    """Attach equal mass-spring oscillators to some points of a structure, and solve the modes of both.
 
-    The loss of a joined mode is its share of strain energy over each part's quality factor. SolverError for no point, a point
-    that is not in the table, or a mass, frequency or quality factor that is not above 0.
+    The residuals stay as they were. The loss of a joined mode is the sum of its shares of strain energy, each over the
+    quality factor of its part.
+
+    Parameters
+    ----------
+    table : ModalTable
+        The structure.
+    points : ndarray of int, shape (n,)
+        Numbers of the points that carry an oscillator.
+    mass_kg : float
+        Mass of each oscillator.
+    frequency_hz : float
+        Its natural frequency on a fixed base.
+    quality_factor : float
+        Its quality factor, a ratio.
+
+    Returns
+    -------
+    ModalTable
+        With m + n modes.
+
+    Raises
+    ------
+    SolverError
+        If there is no point, one is not in the table, or a mass, frequency or quality factor is not above 0.
     """
     chosen = np.asarray(points, dtype=int)
     if not chosen.size or chosen.min() < 0 or chosen.max() >= len(table.points_m):
@@ -236,6 +414,7 @@ def attach_oscillators(
             raise SolverError(f"oscillators: {name} = {value:g}: must be above 0")
     modes, hung = table.frequencies_hz.size, len(chosen)
     spring = mass_kg * (2.0 * pi * frequency_hz) ** 2
+    # coordinates: the table's modes (mass 1), then each oscillator's own displacement; a spring stretches by w(x_i) - a_i
     stretch = np.hstack([table.field[:, chosen].T, -np.eye(hung)])
     own, springs = np.zeros((modes + hung,) * 2), spring * stretch.T @ stretch
     own[:modes, :modes] = np.diag(table.angular**2)
@@ -255,9 +434,28 @@ def attach_oscillators(
 
 
 def confinement(table: ModalTable, frequency_hz: float, inside: BoolArray, driver: int) -> Confined:
-    """Confinement to the points inside (p,) by one actuator and by all; errors as best_contrast and receptance.
+    """Compare the confinement by one actuator with that by all at their best voltages.
 
-    SolverError for a driver that is not in the table.
+    Parameters
+    ----------
+    table : ModalTable
+        The structure.
+    frequency_hz : float
+        Driving frequency.
+    inside : ndarray of bool, shape (p,)
+        Points inside.
+    driver : int
+        Number of the actuator that drives alone.
+
+    Returns
+    -------
+    Confined
+        Both contrasts in dB, and the voltages (a,) in V.
+
+    Raises
+    ------
+    SolverError
+        If the driver is not in the table; as `best_contrast` and `field_matrix`.
     """
     if not 0 <= driver < table.actuator_count:
         raise SolverError(f"driver {driver}: must be from 0 to {table.actuator_count - 1}")
