@@ -35,16 +35,47 @@ class Contact:
 
 
 def displacement_at(plate: AssembledPlate, contact: Contact) -> sp.csr_array:
-    """Rows (3 b, dof) that give the means of u which a contact feels.
+    """Rows that give the means of u which a contact feels from a plate's degrees of freedom.
 
-    In a symmetry class points on the negative sides follow from the mirrors. Raises SolverError for a point outside the plate
-    or on a panel that carries a pillar.
+    In a symmetry class points on the negative sides follow from the mirrors.
+
+    Parameters
+    ----------
+    plate : AssembledPlate
+        One symmetry class, or the whole plate.
+    contact : Contact
+        Points in m, with b means over them.
+
+    Returns
+    -------
+    csr_array, shape (3 b, dof)
+        u_x, u_y and u_z of the first mean, then of the next.
+
+    Raises
+    ------
+    SolverError
+        If a point lies outside the plate or on a panel that carries a pillar.
     """
     return displacement_on(plate, list(panel_contacts(plate, contact)), len(contact.means))
 
 
 def displacement_on(plate: AssembledPlate, panels: Sequence[PanelContact], count: int) -> sp.csr_array:
-    """Rows as in `displacement_at`, for a contact of b means (count) on known panels of this or another class."""
+    """Rows as in `displacement_at`, for a contact on known panels of this or another class.
+
+    Parameters
+    ----------
+    plate : AssembledPlate
+        One symmetry class, or the whole plate.
+    panels : sequence of PanelContact
+        The contact's panels, as of `panel_contacts`.
+    count : int
+        Means of the contact, b.
+
+    Returns
+    -------
+    csr_array, shape (3 b, dof)
+        u_x, u_y and u_z of the first mean, then of the next.
+    """
     parts = []
     for panel in panels:
         placed_cell = plate.placed_cells[panel.number]
@@ -72,7 +103,25 @@ class PanelContact:
 
 
 def panel_contacts(plate: AssembledPlate, contact: Contact) -> Iterator[PanelContact]:
-    """A contact panel by panel. A panel on a mirror line is its own image and holds its points as they are."""
+    """Split a contact by panels; a panel on a mirror line is its own image and holds its points as they are.
+
+    Parameters
+    ----------
+    plate : AssembledPlate
+        Any symmetry class of the plate, or the whole one.
+    contact : Contact
+        Points in m from the plate's centre, with their means.
+
+    Yields
+    ------
+    PanelContact
+        One per panel of the whole plate that holds a point.
+
+    Raises
+    ------
+    SolverError
+        If a point lies outside the plate or on a panel that carries a pillar.
+    """
     left = np.ones(len(contact.points), dtype=bool)
     for number, placed_cell in enumerate(plate.placed_cells):
         middle, half = np.array(placed_cell.middle), np.array(placed_cell.cell.size_m[:2]) / 2.0
@@ -92,7 +141,20 @@ def panel_contacts(plate: AssembledPlate, contact: Contact) -> Iterator[PanelCon
 
 
 def mirror_signs(symmetry: str, flip: FloatArray) -> FloatArray:
-    """Signs (..., 3) of u_x, u_y, u_z of a class's field from those at its image in x, y >= 0; flip (..., 2)."""
+    """Signs of u_x, u_y, u_z of a class's field relative to those at its image in x, y >= 0.
+
+    Parameters
+    ----------
+    symmetry : str
+        Symmetry class, S or A for x and then y; empty for the whole plate.
+    flip : ndarray, shape (..., 2)
+        Below 0 along each axis that was mirrored.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        1 or -1 each.
+    """
     signs = np.ones((*flip.shape[:-1], 3))
     for axis, mark in enumerate(symmetry):
         turned = flip[..., axis] < 0.0
@@ -120,7 +182,27 @@ def _field(cell: Cell, local_m: FloatArray, means: FloatArray, back: bool) -> Fl
 
 
 def grid_weights(nodes_m: FloatArray, order: int, at_m: FloatArray) -> FloatArray:
-    """Weights (p, n) of the nodes (n, 2) of a tensor grid of elements at places (p, 2), by the elements' polynomials."""
+    """Interpolate between the nodes of a tensor grid of elements by the elements' polynomials.
+
+    Parameters
+    ----------
+    nodes_m : ndarray, shape (n, 2)
+        Nodes in any order.
+    order : int
+        Order of the elements.
+    at_m : ndarray, shape (p, 2)
+        Places on the grid; those beyond it are moved to its edge.
+
+    Returns
+    -------
+    ndarray, shape (p, n)
+        Weights of the nodes at each place.
+
+    Raises
+    ------
+    SolverError
+        If the nodes do not form a tensor grid.
+    """
     (x, i), (y, j) = (_lines(nodes_m[:, axis]) for axis in range(2))
     if len(x) * len(y) != len(nodes_m):
         raise SolverError(
@@ -285,14 +367,40 @@ class JoinedPanels:
 
 
 def positive_part(matrix: FloatArray) -> FloatArray:
-    """Positive part of a symmetric matrix: that of its eigenvalues above 0."""
+    """Positive part of a symmetric matrix: that of its eigenvalues above 0.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n)
+        Symmetric but for rounding.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Positive semidefinite.
+    """
     values, vectors = eigh((matrix + matrix.T) / 2.0)
     kept = values > 0.0
     return np.asarray((vectors[:, kept] * values[kept]) @ vectors[:, kept].T)
 
 
 def between(lines: FloatArray, ends: FloatArray, reach_m: float) -> tuple[int, int]:
-    """First and last interval that a span widened by a reach overlaps."""
+    """Find the intervals that a span overlaps.
+
+    Parameters
+    ----------
+    lines : ndarray, shape (n,)
+        Ends of the intervals in m, ascending.
+    ends : ndarray, shape (2,)
+        Ends of the span in m.
+    reach_m : float
+        Distance by which the span is widened at each end.
+
+    Returns
+    -------
+    (int, int)
+        Numbers of the first and of the last interval.
+    """
     first = int(np.searchsorted(lines, ends[0] - reach_m + SAME_M, side="right")) - 1
     last = int(np.searchsorted(lines, ends[1] + reach_m - SAME_M, side="left")) - 1
     return max(first, 0), min(last, len(lines) - 2)

@@ -341,7 +341,7 @@ class ForcedPlate:
         if self.circuit == "open":
             charged[self.drivers] = (self.signs * capacitance)[self.drivers]
         volts[fed] = (self.signs if self.feed is None else self.feed)[fed]
-        if left:
+        if left:  # charges of open patches are given: Q = theta' u + C V is solved for their voltages
             moved = charge()[..., left, :]
             clamped = moved[..., left] + np.diag(capacitance[left])
             given = charged[left] - moved[..., fed] @ volts[fed]
@@ -402,14 +402,40 @@ class ForcedPlate:
 
 
 def in_phase_signs(gain: FloatArray, drivers: list[int]) -> FloatArray:
-    """Signs (patches,) with which loads `gain` on a mode add up, 1 for the first driver that counts."""
+    """Signs with which loads on a mode add up, 1 for the first driver that counts.
+
+    Parameters
+    ----------
+    gain : ndarray, shape (patches,)
+        Real gain of each patch's load on the mode.
+    drivers : list of int
+        Patches that drive; those below COUNTS of the largest gain do not count.
+
+    Returns
+    -------
+    ndarray, shape (patches,)
+        1 or -1 each.
+    """
     strong = [index for index in drivers if abs(gain[index]) > COUNTS * np.abs(gain).max(initial=0.0)]
     turn = -1.0 if strong and gain[strong[0]] < 0.0 else 1.0
     return np.where(turn * gain < 0.0, -1.0, 1.0)
 
 
 def quadratic(gram: FloatArray, amplitudes: ComplexArray) -> FloatArray:
-    """a^H G a for each column (n, columns), (columns,); rounding below zero counts as zero."""
+    """Evaluate a^H G a for each column; rounding below zero counts as zero.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (c, c)
+        Real symmetric form G.
+    amplitudes : ndarray, shape (c, n)
+        Complex coefficients a.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Values, 0 or more.
+    """
     parts = [np.einsum("nf,nf->f", part, gram @ part) for part in (amplitudes.real, amplitudes.imag)]
     return np.asarray(np.maximum(parts[0] + parts[1], 0.0))
 
@@ -417,7 +443,22 @@ def quadratic(gram: FloatArray, amplitudes: ComplexArray) -> FloatArray:
 def rms(
     zone_m4: FloatArray, passive_m4: FloatArray, areas_m2: tuple[float, float | None]
 ) -> tuple[FloatArray, FloatArray | None]:
-    """rms |u_z| from the integrals of |u_z|^2 over the active and the passive touch face; None without a passive face."""
+    """rms |u_z| on the active and the passive touch face from integrals of |u_z|^2.
+
+    Parameters
+    ----------
+    zone_m4, passive_m4 : ndarray, shape (n,)
+        Integrals over the two parts, in m4 (per squared unit of the drive).
+    areas_m2 : (float, float or None)
+        Areas of the two parts; None without a passive face.
+
+    Returns
+    -------
+    zone : ndarray, shape (n,)
+        rms on the active face, in m per unit of the drive.
+    passive : ndarray, shape (n,), or None
+        rms on the passive face; None without one.
+    """
     active, passive = areas_m2
     return np.sqrt(zone_m4 / active), None if passive is None else np.sqrt(passive_m4 / passive)
 
@@ -433,9 +474,24 @@ class Touched:
 
 
 def touched(group: Group, motions: FloatArray, design: Design) -> Touched:
-    """Measures of motions (dof, k) of a group on the touch face, one class's field after the other.
+    """Measure motions of a group on the touch face, one class's field after the other.
 
-    Classes that the patches couple move together: the target class alone has a part in the shape, all have one in the rest.
+    Classes that the patches couple move together. The target class alone contributes to the target shape. All classes
+    contribute to the integrals.
+
+    Parameters
+    ----------
+    group : Group
+        Classes solved together.
+    motions : ndarray, shape (dof, k)
+        Real motions of the group.
+    design : Design
+        The plate.
+
+    Returns
+    -------
+    Touched
+        Integrals of u_z^2 per pair of motions, and strengths.
     """
     count = motions.shape[1]
     grams, strength = (np.zeros((count, count)), np.zeros((count, count))), np.zeros(count)
@@ -461,9 +517,23 @@ def _unfolded(points: FloatArray, values: ComplexArray, symmetry: str) -> tuple[
 def group_modes(
     group: Group, band_hz: tuple[float, float], margin: tuple[float, float], kept: Shared | None = None
 ) -> GroupModes:
-    """Modes of a group within the band widened by the margin, and its residual vectors about the band's middle.
+    """Solve the modes of a group within the widened band, and its residual vectors about the band's middle.
 
-    kept: takes counts and the residual vectors' factor for later solves of the group.
+    Parameters
+    ----------
+    group : Group
+        Classes solved together.
+    band_hz : (float, float)
+        Ends of the band.
+    margin : (float, float)
+        Factors on the two ends, dimensionless.
+    kept : Shared, optional
+        Receives counts and the residual vectors' factor for later solves of the group.
+
+    Returns
+    -------
+    GroupModes
+        Modes extrapolated over the bond's meshes, with residual vectors of each patch.
     """
     scale, shared = group.pencil.scale, kept or Shared(group.factorise)
     modes = modes_in_band(group.pencil, margin[0] * band_hz[0], margin[1] * band_hz[1], shared)
@@ -489,7 +559,30 @@ def group_modes(
 def residual_vectors(
     group: Group, factor: Factor, middle: float, modes: tuple[FloatArray, FloatArray], loads: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gains of loads (dof, l) on modes (eigenvalues, vectors), (modes, l); R and R1 of the loads about the middle, (dof, l)."""
+    """Gains of loads on modes, and the loads' residual vectors about the factor's shift.
+
+    R = (K - middle M)^-1 loads less the modes' part, R1 = (K - middle M)^-1 M R
+
+    Parameters
+    ----------
+    group : Group
+        Classes solved together.
+    factor : Factor
+        Factor of K - middle M.
+    middle : float
+        Its shift, a scaled eigenvalue.
+    modes : (ndarray, ndarray)
+        Scaled eigenvalues, shape (m,), and M-orthonormal vectors, shape (dof, m).
+    loads : ndarray, shape (dof, l)
+        Scaled loads.
+
+    Returns
+    -------
+    gain : ndarray, shape (m, l)
+        Work of each load on each mode.
+    residual, slope : ndarray, shape (dof, l)
+        R, and its derivative R1 by the eigenvalue.
+    """
     _, vectors = modes
     gain, answer = vectors.T @ loads, factor.solve(loads)
     residual = answer - vectors @ (vectors.T @ group.pencil.apply_mass(answer))

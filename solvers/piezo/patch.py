@@ -291,9 +291,29 @@ def bonded_patch(
     mesh: HexSettings | None = None,
     cache: PatchCache | None = None,
 ) -> BondedPatch:
-    """A patch with footprint box_m = (x0, x1, y0, y1), bonded below (on the plate's back) or above (on its touch face).
+    """Condense a patch at its place to the nodes of its bonded face.
 
-    Meshed by MESH unless given; computed unless this process or the cache holds an equal one.
+    It is computed unless this process or the cache holds an equal one.
+
+    Parameters
+    ----------
+    material : PiezoMaterial
+        Piezoceramic.
+    box_m : ndarray, shape (4,)
+        Footprint x0, x1, y0, y1.
+    thickness_m : float
+        Thickness of the patch.
+    above : bool
+        True for a patch on the plate's back, bonded by its lower face; False for one on the touch face.
+    mesh : HexSettings, optional
+        Elements; MESH by default.
+    cache : PatchCache, optional
+        Store of patches between runs.
+
+    Returns
+    -------
+    BondedPatch
+        Matrices in SI units.
     """
     x0, x1, y0, y1 = (float(end) for end in box_m)
     size = round(x1 - x0, 12), round(y1 - y0, 12)
@@ -304,9 +324,30 @@ def bonded_patch(
 def with_potential(
     mesh: Mesh, material: PiezoMaterial, thickness_m: float
 ) -> tuple[sp.csr_array, sp.csr_array, FloatArray, float]:
-    """K_E and M, theta, C with the potential at nodes between the electrodes, (p,), after the motion of all nodes.
+    """Assemble K_E, M, theta and C of a patch with its motion and its potential as unknowns.
 
-    K is indefinite and M has nothing there. The potential is scaled, so that its own part is as large as K_E.
+    The unknowns are the motion (3 n) of all n nodes, then the potential at the p nodes between the electrodes. The
+    potential is scaled so that its own part of K is as large as K_E.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Elements of the patch, in m.
+    material : PiezoMaterial
+        Piezoceramic, polarised along z.
+    thickness_m : float
+        Distance of the electrodes.
+
+    Returns
+    -------
+    stiffness : csr_array, shape (3 n + p, 3 n + p)
+        In N/m; indefinite.
+    mass : csr_array, shape (3 n + p, 3 n + p)
+        In kg; zero for the potential.
+    theta : ndarray, shape (3 n + p,)
+        Load per volt, in N/V.
+    capacitance : float
+        In F, of the clamped patch with an even field: permittivity times area over thickness.
     """
     size = float(np.sqrt(material.stiffness_pa[2, 2] / material.permittivity_clamped_f_m[2, 2]))
     law = np.zeros((4, 3, 4, 3))  # of u_x, u_y, u_z and the potential: stresses and charges of their slopes
@@ -321,7 +362,7 @@ def with_potential(
     own = np.concatenate([motion, potential[inside]])
     scalar = forms.mass(np.full(len(mesh.cells), material.density_kg_m3))
     heavy = sp.block_diag([sp.kron(scalar, np.eye(3)), sp.csr_array((inside.sum(),) * 2)], format="csr")
-    # a field E_z = -V/t has the potential V z/t: N times it is -theta V
+    # a field E_z = -V/t has the potential V z/t: N times it is -theta V; an even field puts no charge on inner nodes
     theta = np.concatenate([every[motion][:, potential] @ height / (-thickness_m * size), np.zeros(inside.sum())])
     area = float(np.ptp(mesh.nodes[:, 0]) * np.ptp(mesh.nodes[:, 1]))
     capacitance = float(material.permittivity_clamped_f_m[2, 2]) * area / thickness_m
@@ -329,7 +370,22 @@ def with_potential(
 
 
 def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings:
-    """Elements of a patch on the rectangle box_m, as short as the target shape and the pillars beneath require."""
+    """Choose elements of a patch as short as the target shape and the pillars beneath require.
+
+    Parameters
+    ----------
+    design : Design
+        The plate.
+    tiling : Tiling
+        Its panels.
+    box_m : ndarray, shape (4,)
+        Footprint x0, x1, y0, y1.
+
+    Returns
+    -------
+    HexSettings
+        MESH with its size along the patch.
+    """
     size = design.line_spacing_m / WAVE
     if pillars_beneath(tiling, box_m):
         size = min(size, FOOT * min([design.thickness_m, *(pillar.footprint_m for pillar in design.kinds)]))
@@ -337,7 +393,20 @@ def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings
 
 
 def pillars_beneath(tiling: Tiling, box_m: FloatArray) -> list[tuple[int, int]]:
-    """Panels (i, j) with a pillar, on either side of the plate, that a rectangle x0, x1, y0, y1 in m overlaps."""
+    """Find the panels with a pillar, on either side of the plate, that a rectangle overlaps.
+
+    Parameters
+    ----------
+    tiling : Tiling
+        Panels of the plate.
+    box_m : ndarray, shape (4,)
+        Rectangle x0, x1, y0, y1.
+
+    Returns
+    -------
+    list of (int, int)
+        Numbers of the panels along x and y.
+    """
     x, y = (between(lines, ends, 0.0) for lines, ends in zip((tiling.x, tiling.y), box_m.reshape(2, 2), strict=True))
     return [(i, j) for i, j in tiling.feet if x[0] <= i <= x[1] and y[0] <= j <= y[1]]
 

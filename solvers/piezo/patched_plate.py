@@ -424,7 +424,20 @@ def _joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | N
 
 
 def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
-    """Symmetry classes that stay apart: along an axis about which the set of patches is its own mirror image."""
+    """Group the symmetry classes that the patches couple.
+
+    Classes stay apart along an axis about which the set of patches is its own mirror image.
+
+    Parameters
+    ----------
+    patches : sequence of BondedPatch
+        All patches of the plate.
+
+    Returns
+    -------
+    list of list of str
+        Classes to be solved together.
+    """
     low = np.array([patch.points.min(axis=0) for patch in patches])
     high = np.array([patch.points.max(axis=0) for patch in patches])
     even = mirrored_axes(np.column_stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]]))
@@ -571,6 +584,7 @@ def _aligned(
     """
     pencil, (values, heavy) = coarser.join(), modes
     factor, shift = factor_near(pencil, amid(values), group.factorise)
+    # one inverse iteration from the finer mesh's modes, then Rayleigh-Ritz in its span: the coarser mesh's own modes
     force = heavy * (values - shift)  # of answers as long as the modes
     moved = factor.solve(force)
     factor.free()

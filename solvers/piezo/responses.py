@@ -99,12 +99,42 @@ class FrequencyErrors:
 
 
 def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> ComplexArray:
-    """u_z per volt of drive, (n,) in m/V, at the quadrature point of the touch face nearest to a point in m."""
+    """u_z per volt of drive at the quadrature point of the touch face nearest to a point.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The driven plate.
+    point_m : (float, float)
+        Point (x, y) from the plate's centre.
+    frequency_hz : ndarray, shape (n,)
+        Driving frequencies.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Complex, in m/V.
+    """
     return point_responses(forced, np.array([point_m]), frequency_hz)[0]
 
 
 def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
-    """u_z per volt of drive at points (p, 2): (p, n) in m/V."""
+    """u_z per volt of drive at the quadrature points of the touch face nearest to given points.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The driven plate.
+    points_m : ndarray, shape (p, 2)
+        Points from the plate's centre.
+    frequency_hz : ndarray, shape (n,)
+        Driving frequencies.
+
+    Returns
+    -------
+    ndarray, shape (p, n)
+        Complex, in m/V.
+    """
     at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
     volts = forced.volts_over(at)
     parts = [_rows(basis, points_m) @ basis.amplitudes(at, forced.loss, volts).T for basis in forced.modes]
@@ -112,7 +142,22 @@ def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: Flo
 
 
 def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float) -> tuple[float, float]:
-    """Point (x, y) in m of the largest |u_z| of the operating shape on |y| < half_width_m; of equals the first, x, y >= 0."""
+    """Find the point of the largest |u_z| of the operating shape; of equal ones the first, x, y >= 0.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The driven plate.
+    frequency_hz : float
+        Driving frequency.
+    half_width_m : float
+        Half-width of the searched strip, |y| < half_width_m.
+
+    Returns
+    -------
+    (float, float)
+        Point (x, y) in m.
+    """
     points, values = forced.shape(frequency_hz)
     size = np.where(np.abs(points[:, 1]) < half_width_m, np.abs(values), 0.0)
     equal = np.flatnonzero(size >= (1.0 - 1e-6) * size.max())
@@ -121,9 +166,23 @@ def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float)
 
 
 def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatArray | None = None) -> sp.csr_array:
-    """Rows (points, dof) that give u along an axis (default: u_z) of a group at points (q, 2) in m of the touch face.
+    """Rows that give u along an axis at points of the touch face.
 
-    means: weights (b, q) of sums over the points, which the rows (b, dof) then give.
+    Parameters
+    ----------
+    group : Group
+        Classes solved together.
+    points_m : ndarray, shape (q, 2)
+        Points from the plate's centre.
+    axis : int, optional
+        0, 1 or 2 for u_x, u_y or u_z.
+    means : ndarray, shape (b, q), optional
+        Weights of sums over the points, which the rows then give; by default each point alone.
+
+    Returns
+    -------
+    csr_array, shape (b, dof)
+        Rows over the group's degrees of freedom.
     """
     contact = Contact(points_m, np.eye(len(points_m)) if means is None else means, back=False)
     parts = [displacement_at(plate, contact)[axis::3] for plate in group.plates]
@@ -131,10 +190,26 @@ def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatA
 
 
 def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_hz: FloatArray | None = None) -> float:
-    """Frequency of the zone's largest response, Hz: on a grid and at the resonances, finer about its top, then between points.
+    """Find the zone's largest response: on a grid and at the resonances, finer about its top, then between points.
 
-    A resonance between two points of the grid may be narrower than they are apart: each one of the plate with its patches as
-    they are wired has to be among `resonances_hz`, within the band.
+    A resonance may be narrower than the grid's step. Each resonance within the band, of the plate with its patches as
+    wired, therefore has to be among `resonances_hz`.
+
+    Parameters
+    ----------
+    driven : Driven
+        The structure.
+    low, high : float
+        Ends of the band in Hz.
+    points : int
+        Points of the grid.
+    resonances_hz : ndarray, shape (k,), optional
+        Resonances to look at.
+
+    Returns
+    -------
+    float
+        In Hz.
     """
     even = np.union1d(np.linspace(low, high, points), [] if resonances_hz is None else resonances_hz)
     top = float(even[int(np.argmax(driven.curve(even).zone_rms_m_per_v))])
@@ -144,9 +219,21 @@ def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_
 
 
 def near_hz(driven: Driven, mode_hz: float) -> float:
-    """The peak of a mode, Hz: where the response is largest within a half-power width; its own frequency where it has no peak.
+    """Frequency of a mode's peak: where the response is largest within a half-power width.
 
     A stronger neighbour's flank, which rises to one end of that interval, does not count as a peak.
+
+    Parameters
+    ----------
+    driven : Driven
+        The structure.
+    mode_hz : float
+        Frequency of the mode.
+
+    Returns
+    -------
+    float
+        In Hz; the mode's own frequency where it has no peak.
     """
     reach = mode_hz * driven.loss
     top = _top_of(driven, mode_hz - reach, mode_hz + reach, mode_hz)
@@ -155,13 +242,45 @@ def near_hz(driven: Driven, mode_hz: float) -> float:
 
 
 def own_or(driven: Driven, mode_hz: float, highest_hz: float) -> float:
-    """The peak of a mode, Hz, as near_hz; the highest one's own frequency where both are one, each as finely as it is found."""
+    """Frequency of a mode's peak as `near_hz`, or of the highest peak where both are one.
+
+    Parameters
+    ----------
+    driven : Driven
+        The structure.
+    mode_hz : float
+        Frequency of the mode.
+    highest_hz : float
+        Frequency of the highest peak.
+
+    Returns
+    -------
+    float
+        In Hz.
+    """
     own = near_hz(driven, mode_hz)
     return highest_hz if abs(own - highest_hz) <= 2.0 * SHARP * highest_hz * driven.loss else own
 
 
 def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: list[float]) -> Curve:
-    """The response on an even grid, as dense about each peak as its damping makes it narrow."""
+    """Response on an even grid, as dense about each peak as its damping makes it narrow.
+
+    Parameters
+    ----------
+    driven : Driven
+        The structure.
+    low, high : float
+        Ends of the grid in Hz.
+    points : int
+        Points of the even grid.
+    peaks_hz : list of float
+        Peaks, which are points of the curve.
+
+    Returns
+    -------
+    Curve
+        At ascending frequencies.
+    """
     tones = np.linspace(low, high, points)
     for peak in peaks_hz:
         reach = 2.0 * peak * driven.loss
@@ -171,7 +290,20 @@ def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: 
 
 
 def peak_of(curve: Curve, frequency_hz: float) -> Peak:
-    """A peak as a curve has it that holds its frequency."""
+    """Read a peak off a curve that holds its frequency.
+
+    Parameters
+    ----------
+    curve : Curve
+        The response.
+    frequency_hz : float
+        Frequency of the peak.
+
+    Returns
+    -------
+    Peak
+        Without a quality factor where the curve does not fall to both sides.
+    """
     at = int(np.argmin(np.abs(curve.frequency_hz - frequency_hz)))
     passive = curve.passive_rms_m_per_v
     return Peak(
@@ -183,10 +315,23 @@ def peak_of(curve: Curve, frequency_hz: float) -> Peak:
 
 
 def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """Frequencies in Hz, ascending, with these patches open and the others short, and unit coordinates (modes, columns).
+    """Solve the modes with some patches open and the others short.
 
-    Columns are those of the groups' modes and residuals, one group after another. Only modes within the band
-    are meaningful.
+    A patch left open adds theta theta'/C to K. Only modes within the band are meaningful.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The driven plate.
+    opened : sequence of int
+        Numbers of the open patches.
+
+    Returns
+    -------
+    frequency_hz : ndarray, shape (modes,)
+        Frequencies in Hz, ascending.
+    shares : ndarray, shape (modes, columns)
+        M times each mode: coordinates over the columns of all groups (modes, then residuals), one group after another.
     """
     stiffness, mass, loads = _projected(forced)
     plate = forced.plate
@@ -198,7 +343,20 @@ def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, 
 
 
 def ritz_modes(stiffness: FloatArray, mass: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Eigenvalues (m,) and M-orthonormal vectors (n, m) of K and M (n, n) in directions of which some depend on others."""
+    """Solve K and M in directions of which some may depend on others.
+
+    Parameters
+    ----------
+    stiffness, mass : ndarray, shape (n, n)
+        Symmetric matrices in these directions.
+
+    Returns
+    -------
+    eigenvalue : ndarray, shape (m,)
+        Ascending, in the matrices' unit (scaled frequency squared).
+    vectors : ndarray, shape (n, m)
+        M-orthonormal.
+    """
     size = 1.0 / np.sqrt(np.maximum(np.diag(mass), 1e-300))
     values, basis = scipy.linalg.eigh(mass * np.outer(size, size))
     kept = values > SAME * values[-1]
@@ -208,7 +366,24 @@ def ritz_modes(stiffness: FloatArray, mass: FloatArray) -> tuple[FloatArray, Flo
 
 
 def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> CircuitShift | None:
-    """Shift of the target mode by opening patches (default: all); None if the band holds no target mode."""
+    """Shift of the target mode by opening patches.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The driven plate.
+    opened : sequence of int, optional
+        Numbers of the open patches; all by default.
+
+    Returns
+    -------
+    CircuitShift or None
+        None if the band holds no target mode.
+
+    References
+    ----------
+    .. [1] ieee176 (docs/references.bib)
+    """
     place = forced.target_column()
     short = forced.target_hz()
     if place is None or short is None:
@@ -219,28 +394,73 @@ def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> C
 
 
 def open_patches(forced: ForcedPlate) -> list[int]:
-    """Patches without a prescribed voltage: the sensors, and charge-driven actuators."""
+    """Patches without a prescribed voltage: the sensors, and charge-driven actuators.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The driven plate.
+
+    Returns
+    -------
+    list of int
+        Their numbers, actuators first.
+    """
     return forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
 
 
 def driven_hz(forced: ForcedPlate) -> float | None:
-    """Return the target mode's frequency with the patches' circuits as wired: sensors open, drivers as they are fed."""
+    """Frequency of the target mode with the patches as wired: sensors open, drivers as they are fed.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The driven plate.
+
+    Returns
+    -------
+    float or None
+        In Hz; None without a target mode.
+    """
     shift = circuit_shift(forced, opened) if (opened := open_patches(forced)) else None
     return shift.open_hz if shift else forced.target_hz()
 
 
 def resonances_hz(forced: ForcedPlate) -> FloatArray:
-    """Frequencies within the band at which the plate resonates with its patches as they are wired, ascending."""
+    """Frequencies within the band at which the plate resonates with its patches as wired.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The driven plate.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        In Hz, ascending.
+    """
     low, high = forced.band_hz
     frequency = open_modes(forced, opened)[0] if (opened := open_patches(forced)) else np.sort(forced.resonances_hz)
     return frequency[(frequency > low) & (frequency < high)]
 
 
 def admittance(forced: ForcedPlate, frequency_hz: FloatArray) -> ComplexArray:
-    """Current per volt into the driven patches in parallel, each with its polarisation, (n,) in S; sensors stay open.
+    """Admittance of the driven patches in parallel, each with its polarisation; sensors stay open.
 
-    The charge of a patch is theta' u + C V with its bonded face's motion u: Y = j omega s' q over the driven ones. Dielectric
-    losses are left out.
+    Y = j omega s' q with the signs s of the driven patches and their charges q = theta' u + C V. Dielectric losses are
+    neglected.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The driven plate.
+    frequency_hz : ndarray, shape (n,)
+        Driving frequencies.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Complex current per volt, in S.
     """
     signs, driven, left = forced.signs[forced.drivers], forced.drivers, forced.sensors
     at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
@@ -258,9 +478,10 @@ def admittance(forced: ForcedPlate, frequency_hz: FloatArray) -> ComplexArray:
 def frequency_errors(basis: GroupModes) -> FrequencyErrors:
     """Estimate the frequency errors of a group's modes.
 
-    By the plate's mesh and its truncation as for a plate without patches, the patches' stiffness in K; by the mesh of the bond;
-    and by F, which is that at rest: at the mode's eigenvalue l it is larger by l / (L - l) at most, L the lowest eigenvalue
-    left out of the panels, and each f of the patches' forces lowers l by f'F f.
+    The plate's mesh and its truncation are estimated as for a plate without patches, with the patches' stiffness in K.
+    The coarser mesh of the bond shows the error of the finer one. F is known at rest. At the mode's eigenvalue l it is
+    larger by l / (L - l) at most, L the lowest eigenvalue of the panels' discarded modes. The patches' forces f lower l
+    by f'F f.
 
     Parameters
     ----------
@@ -270,7 +491,7 @@ def frequency_errors(basis: GroupModes) -> FrequencyErrors:
     Returns
     -------
     FrequencyErrors
-        Half-widths (k,) each.
+        Relative half-widths (k,) each.
     """
     if basis not in _KNOWN:
         _KNOWN[basis] = _estimated(basis)
@@ -278,20 +499,42 @@ def frequency_errors(basis: GroupModes) -> FrequencyErrors:
 
 
 def frequency_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
-    """Relative error bar (half-width) of the frequency of the peak nearest to one; None without an estimate.
+    """Error bar of the frequency of the peak nearest to one: mesh, reduction and bonding of the nearest mode together.
 
-    That of the nearest mode: mesh, reduction and bonding together.
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The driven plate.
+    frequency_hz : float
+        Frequency of the peak.
+
+    Returns
+    -------
+    float or None
+        Half-width, relative; None without an estimate.
     """
     basis, index = _nearest(forced, frequency_hz)
     return None if basis is None else _known(float(frequency_errors(basis).total[index]))
 
 
 def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
-    """Relative error bar (half-width) of the peak nearest to a frequency; None without an estimate or a mode nearby.
+    """Error bar of the height of the peak nearest to a frequency.
 
-    A resonance's height goes as phi'f / lambda: the errors of the loads f and of the mode's frequency add up. Damping is
-    given and not judged. The part of the discarded modes of the panels is known at rest: at the mode's eigenvalue l it may be
-    larger by l / (L - l), L that below which none was left out.
+    A resonance's height is proportional to phi'f / lambda: the errors of the loads f and of the mode's frequency add up.
+    Damping is given and not judged. The part of the panels' discarded modes is known at rest. At the mode's eigenvalue l
+    it may be larger by l / (L - l), L the lowest eigenvalue of these modes.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The driven plate.
+    frequency_hz : float
+        Frequency of the peak.
+
+    Returns
+    -------
+    float or None
+        Half-width, relative; None without an estimate or a mode nearby.
     """
     basis, index = _nearest(forced, frequency_hz)
     if basis is None or basis.bond is None:
@@ -306,8 +549,17 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
 
 
 def load_errors(basis: GroupModes) -> FloatArray:
-    """Errors of the loads' gains by the mesh of the bond and by the panels' discarded modes, (modes, patches); NaN where
-    they are not known.
+    """Errors of the loads' gains due to the mesh of the bond and the panels' discarded modes.
+
+    Parameters
+    ----------
+    basis : GroupModes
+        Modes of some classes, solved together.
+
+    Returns
+    -------
+    ndarray, shape (modes, patches)
+        Half-widths in the gains' scaled unit; NaN where unknown.
     """
     if basis.bond is None or basis.group.by_modes is None:
         return np.full_like(basis.gain, np.nan)
