@@ -274,7 +274,18 @@ class AffineCell:
 
 
 def foot_of(pillar: Pillar) -> Foot | None:
-    """The section of a pillar that grows with its width; None for one that does not."""
+    """Section of a pillar, if it grows with the pillar's width.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        The pillar.
+
+    Returns
+    -------
+    Foot or None
+        None for one that does not, and for a pillar with a fillet, a tip mass or on both faces.
+    """
     if not pillar.is_plain:
         return None
     known = {
@@ -290,8 +301,25 @@ def foot_of(pillar: Pillar) -> Foot | None:
 def quarter_mesh(
     foot: Foot, sizes: tuple[float, float, float, float], mesh: FixedMesh, panel: tuple[float, float] = (1.0, 1.0)
 ) -> tuple[Mesh, IntArray]:
-    """The quarter panel x, y >= 0, z = 0 the touch face, of thickness, height, width and pitch in m, the panel's sides in
-    pitches; for each element which stretch acts along x, y and z, (e, 3).
+    """Mesh the quarter panel x, y >= 0 with its pillar, z = 0 the touch face.
+
+    Parameters
+    ----------
+    foot : Foot
+        Section of the pillar.
+    sizes : (float, float, float, float)
+        Thickness, height, side and pitch in m.
+    mesh : FixedMesh
+        Order and elements.
+    panel : (float, float), optional
+        Width and depth of the panel, in units of the pitch.
+
+    Returns
+    -------
+    mesh : Mesh
+        Hexahedra, in m.
+    parts : ndarray of int, shape (e, 3)
+        Number of the stretch that acts on each element along x, y and z.
     """
     t, h, _, _ = sizes
     z = np.concatenate(
@@ -303,12 +331,36 @@ def quarter_mesh(
 
 
 def between(count: int, seed: int) -> FloatArray:
-    """Points (count, 4) evenly spread over the unit cube (a Halton sequence, scrambled by a seed)."""
+    """Points evenly spread over the unit cube: a scrambled Halton sequence.
+
+    Parameters
+    ----------
+    count : int
+        Points.
+    seed : int
+        Seed of the scrambling.
+
+    Returns
+    -------
+    ndarray, shape (count, 4)
+        Coordinates from 0 to 1.
+    """
     return np.asarray(qmc.Halton(4, seed=seed).random(count))
 
 
 def as_sizes(designs: FloatArray) -> list[Sizes]:
-    """Rows (n, 4) as designs."""
+    """Turn rows into designs.
+
+    Parameters
+    ----------
+    designs : ndarray, shape (n, 4)
+        Thickness, height, side and pitch in m.
+
+    Returns
+    -------
+    list of (float, float, float, float)
+        One tuple per row, in m.
+    """
     return [(float(t), float(h), float(a), float(p)) for t, h, a, p in designs]
 
 
@@ -322,19 +374,66 @@ def _stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
 
 
 def theta(exponents: IntArray, sizes: FloatArray | Sizes, reference: Sizes, box: DesignBox) -> FloatArray:
-    """theta_q of designs: (q,) for sizes (4,)."""
+    """Evaluate the factors theta_q of an affine form at a design.
+
+    Parameters
+    ----------
+    exponents : ndarray of int, shape (q, 6)
+        Exponents of the stretches: thickness, height, side, clearances along x and y, pitch.
+    sizes : (float, float, float, float) or ndarray, shape (4,)
+        Thickness, height, side and pitch in m.
+    reference : (float, float, float, float)
+        The same of the reference design, in m.
+    box : DesignBox
+        Gives the panel and the foot.
+
+    Returns
+    -------
+    ndarray, shape (q,)
+        Dimensionless; 1 at the reference.
+    """
     ratio = _stretches(sizes, box) / _stretches(reference, box)
     return np.asarray(np.prod(ratio ** np.asarray(exponents), axis=1))
 
 
 def across(points: FloatArray, reference: Sizes, sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
-    """Places (n, 2) in the stretched plate of reference coordinates along x and y, m."""
+    """Stretch points of the reference plate along x and y.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        Points of the reference's quarter panel in m.
+    reference : (float, float, float, float)
+        Thickness, height, side and pitch of the reference design in m.
+    sizes : (float, float, float, float) or ndarray, shape (4,)
+        The same of the stretched design, in m.
+    box : DesignBox
+        Gives the panel and the foot.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Their places in the stretched plate, in m.
+    """
     lines = zip(points.T, plan_lines(reference, box), plan_lines(sizes, box), strict=True)
     return np.column_stack([np.interp(own, was, now) for own, was, now in lines])
 
 
 def plan_lines(sizes: FloatArray | Sizes, box: DesignBox) -> list[list[float]]:
-    """Along x and y the quarter panel's middle, the end of its block and its side, m."""
+    """Lines between the parts of the quarter panel: its middle, the end of its block and its side.
+
+    Parameters
+    ----------
+    sizes : (float, float, float, float) or ndarray, shape (4,)
+        Thickness, height, side and pitch in m.
+    box : DesignBox
+        Gives the panel and the foot.
+
+    Returns
+    -------
+    list of list of float
+        Three places along x, three along y, in m.
+    """
     block = box.foot.reach * float(sizes[SIDE]) / 2.0
     return [[0.0, block, side / 2.0] for side in box.panel_m(sizes)[:2]]
 

@@ -63,7 +63,27 @@ class Bands:
 
 
 def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> Bands:
-    """The bands of one design. SolverError for a design outside the box, by name."""
+    """Compute the bands of one design.
+
+    Parameters
+    ----------
+    cell : ParametricCell
+        The cell, also a compressed one.
+    bases : BandBases
+        Path, number of bands and boundary motions.
+    sizes : (float, float, float, float) or ndarray, shape (4,)
+        Thickness, height, side and pitch in m.
+
+    Returns
+    -------
+    Bands
+        Frequencies in Hz and relative errors.
+
+    Raises
+    ------
+    SolverError
+        For a design outside the box, by name.
+    """
     parts = cell.parts(sizes, INNER, cell.interface)
     with one_thread():
         solved = [_eigenvalues(parts, sector) for sector in bases.sectors]
@@ -108,7 +128,32 @@ def band_bases(
     designs: Sequence[Sizes],
     floor: float,
 ) -> BandBases:
-    """Gather the boundary motions of the waves of given designs."""
+    """Gather the boundary motions of the waves of given designs.
+
+    Parameters
+    ----------
+    cell : ParametricCell
+        The cell.
+    fractions : ndarray, shape (k, 2)
+        Wavevectors of the path in units of pi / pitch.
+    labels : tuple of str
+        Label of each wavevector, empty for none.
+    count : int
+        Bands.
+    designs : sequence of (float, float, float, float)
+        Thickness, height, side and pitch in m of each design.
+    floor : float
+        Error of the cell's own bases, relative, as of `own_error`.
+
+    Returns
+    -------
+    BandBases
+        BOUNDARY motions per sector, twice as many where no mirror parts the waves.
+
+    References
+    ----------
+    .. [1] sirovich1987 (docs/references.bib)
+    """
     whole = cell.sectors(fractions)
     waves = [_boundary_waves(cell, whole, count, sizes) for sizes in designs]
     middle = cell.parts(cell.reference, INNER, cell.interface)
@@ -125,13 +170,45 @@ def band_bases(
 
 
 def rich_sectors(cell: ParametricCell, fractions: FloatArray, labels: tuple[str, ...]) -> tuple[Sector, ...]:
-    """The sectors with all boundary motions at some of the wavevectors."""
+    """Sectors with all boundary motions at some of the wavevectors.
+
+    Parameters
+    ----------
+    cell : ParametricCell
+        The cell.
+    fractions : ndarray, shape (k, 2)
+        Wavevectors of the path in units of pi / pitch.
+    labels : tuple of str
+        Label of each wavevector, empty for none.
+
+    Returns
+    -------
+    tuple of Sector
+        At the labelled wavevectors, at every CLOSELY-th and at the middle one of each sector.
+    """
     labelled = np.array([bool(label) for label in labels])
     return tuple(_some(sector, labelled[sector.points]) for sector in cell.sectors(fractions))
 
 
 def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Sequence[Sizes], count: int) -> float:
-    """Largest relative excess of the cell's frequencies over those of cells made for each design alone, along its path."""
+    """Largest relative excess of the cell's frequencies over those of cells made for each design alone, along its path.
+
+    Parameters
+    ----------
+    cell : ParametricCell
+        The cell.
+    alone : sequence of ParametricCell
+        Cells reduced for one design each.
+    designs : sequence of (float, float, float, float)
+        Thickness, height, side and pitch in m of these designs.
+    count : int
+        Bands.
+
+    Returns
+    -------
+    float
+        As a fraction of the frequency.
+    """
     points = cell.box.path(2).wavevectors / np.pi
     of, worst = cell.sectors(points), 0.0
 
@@ -147,7 +224,24 @@ def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Se
 
 
 def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: Sequence[Sizes]) -> ParametricCell:
-    """The cell in a basis made from the lowest `count` waves of the designs at the sectors' wavevectors."""
+    """Project the cell onto a smaller basis, made from the waves of some designs.
+
+    Parameters
+    ----------
+    cell : ParametricCell
+        The cell.
+    of : sequence of Sector
+        Wavevectors at which waves are computed.
+    count : int
+        Waves per wavevector of a sector, the lowest ones.
+    designs : sequence of (float, float, float, float)
+        Thickness, height, side and pitch in m of each design.
+
+    Returns
+    -------
+    ParametricCell
+        With matrices as single precision holds them.
+    """
     rigid: list[list[FloatArray]] = [[] for _ in cell.blocks]
     moving: list[list[FloatArray]] = [[] for _ in cell.blocks]
     with one_thread():

@@ -26,9 +26,17 @@ TRIPLES = tuple(product(range(3), repeat=2))
 
 @lru_cache(maxsize=4)
 def functions(face: Interface) -> IntArray:
-    """The scalar functions (n, 3) by their numbers along x, y (0 and 1 the hats, then bubbles) and through z.
+    """Number the scalar functions of a bare panel, the interface's first, in its order.
 
-    The interface's come first, in its order.
+    Parameters
+    ----------
+    face : Interface
+        Polynomials of the sides.
+
+    Returns
+    -------
+    ndarray of int, shape (n, 3)
+        Numbers along x and y (0 and 1 the hats, then bubbles) and through z.
     """
     layers, bubbles = range(face.layers), range(2, face.along + 1)
     out = [((1 + x) // 2, (1 + y) // 2, layer) for x, y in VERTICES for layer in layers]
@@ -39,7 +47,22 @@ def functions(face: Interface) -> IntArray:
 
 
 def line_values(s: FloatArray, derived: bool) -> tuple[FloatArray, FloatArray]:
-    """Functions along a side (q, DEGREE + 1) and through the thickness (q, THROUGH + 1) on [-1, 1], or their derivatives."""
+    """Evaluate the functions along a side and through the thickness on [-1, 1].
+
+    Parameters
+    ----------
+    s : ndarray, shape (q,)
+        Places from -1 to 1.
+    derived : bool
+        Whether their derivatives are meant.
+
+    Returns
+    -------
+    along : ndarray, shape (q, DEGREE + 1)
+        Two hats, then integrated Legendre polynomials.
+    through : ndarray, shape (q, THROUGH + 1)
+        Legendre polynomials.
+    """
     if not derived:
         hats = np.column_stack([1.0 - s, 1.0 + s]) / 2.0
         return np.hstack([hats, bubble_functions(s, DEGREE)]), np.asarray(legendre.legvander(s, THROUGH), dtype=float)
@@ -92,7 +115,30 @@ def _bare_matrices(
 def bare_forms(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE, apart: bool = True
 ) -> tuple[list[FloatArray], FloatArray]:
-    """The same, K apart by how often it is derived across the plate, (3,), or in one."""
+    """K and M of a bare panel, or of part of it along x, among all its functions.
+
+    Lengths are scaled by the panel's thickness. Degrees of freedom go function by function, u_x, u_y, u_z each.
+
+    Parameters
+    ----------
+    size_m : (float, float, float)
+        Width, depth and thickness.
+    material : Material
+        The plate's.
+    face : Interface
+        Polynomials of the sides.
+    span : (float, float), optional
+        Part of [-1, 1] along x; all by default.
+    apart : bool, optional
+        Whether K is split by its number of derivatives across the plate.
+
+    Returns
+    -------
+    stiffness : list of ndarray, shape (3 n, 3 n)
+        Terms with 0, 1 and 2 derivatives along z, or their sum alone.
+    mass : ndarray, shape (3 n, 3 n)
+        Scaled.
+    """
     gradients, square = _reference(face, span)
     stretch = np.array(size_m) / size_m[2] / 2.0
     volume = float(np.prod(stretch))
@@ -126,7 +172,26 @@ def _inside(
 def bare_strip(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE
 ) -> tuple[FloatArray, FloatArray, Expansion]:
-    """K, M and touch face of what lies within a span of [-1, 1] along x, in the degrees of freedom of the panel's cell."""
+    """K, M and touch face of part of a panel along x, in the degrees of freedom of the panel's cell.
+
+    Parameters
+    ----------
+    size_m : (float, float, float)
+        Width, depth and thickness of the whole panel.
+    material : Material
+        The plate's.
+    face : Interface
+        Polynomials of the sides.
+    span : (float, float), optional
+        Part of [-1, 1] along x; all by default.
+
+    Returns
+    -------
+    stiffness, mass : ndarray, shape (dof, dof)
+        Scaled by the panel's thickness.
+    touch : Expansion
+        u_z at Gauss points of the part's touch face.
+    """
     _, _, shapes = _inside(size_m, material, face)
     stiffness, mass = (shapes.T @ matrix @ shapes for matrix in _bare_matrices(size_m, material, face, span))
     return stiffness, mass, _touch(size_m, face, span, shapes[2::3])
@@ -134,7 +199,22 @@ def bare_strip(
 
 @lru_cache(maxsize=64)
 def bare_cell(size_m: tuple[float, float, float], material: Material, face: Interface) -> Cell:
-    """The panel's cell; every mode of its inside is kept."""
+    """Cell of a bare panel; every mode of its inside is kept.
+
+    Parameters
+    ----------
+    size_m : (float, float, float)
+        Width, depth and thickness.
+    material : Material
+        The plate's.
+    face : Interface
+        Polynomials of the sides.
+
+    Returns
+    -------
+    Cell
+        Scaled by the panel's thickness.
+    """
     values, parity, _ = _inside(size_m, material, face)
     stiffness, mass, touch = bare_strip(size_m, material, face)
     b, scale = face.count, Scale.of(size_m[2], material)
@@ -163,7 +243,20 @@ def _parity(face: Interface) -> IntArray:
 
 
 def bare_parity(face: Interface, signs: tuple[int, ...]) -> IntArray:
-    """The inside's functions of one class, counted from the inside's first."""
+    """Find the functions of the inside of one symmetry class.
+
+    Parameters
+    ----------
+    face : Interface
+        Polynomials of the sides.
+    signs : tuple of int
+        Signs of u_z under x -> -x and y -> -y; further ones are ignored.
+
+    Returns
+    -------
+    ndarray of int, shape (f,)
+        Scalar components, counted from the inside's first.
+    """
     return np.flatnonzero((_parity(face) == signs[:2]).all(axis=1))
 
 

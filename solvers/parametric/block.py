@@ -265,9 +265,21 @@ def _class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
 
 
 def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[Sizes] = ()) -> ReducedBlock:
-    """Gather what the inside does at given designs, keep what brings KEPT of the energy, and project every matrix.
+    """Reduce one class over designs: keep what brings KEPT of the inside's energy, and project every matrix.
 
-    The rigid-body modes of the designs `everywhere` are among the functions, too.
+    Parameters
+    ----------
+    block : Block
+        The class.
+    designs : iterable of (float, float, float, float)
+        Thickness, height, side and pitch in m of the designs whose motions are gathered.
+    everywhere : iterable of (float, float, float, float), optional
+        Designs in m whose rigid-body modes are among the functions, too.
+
+    Returns
+    -------
+    ReducedBlock
+        Affine matrices in the reduced basis.
     """
     basis = _inner_basis(block, designs, KEPT, everywhere)
     exponents = block.cell.stiffness.exponents, block.cell.mass.exponents
@@ -275,13 +287,41 @@ def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[S
 
 
 def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:
-    """The class at one design, all that its inside does there kept: one matrix of each kind, whose exponents are zero."""
+    """Reduce one class at one design, with all that its inside does there.
+
+    Parameters
+    ----------
+    block : Block
+        The class.
+    sizes : (float, float, float, float)
+        Thickness, height, side and pitch in m.
+
+    Returns
+    -------
+    ReducedBlock
+        One matrix of each kind, whose exponents are zero.
+    """
     stiffness, mass = block.stretched(sizes)
     return _block(block, _inner_basis(block, [sizes], ALL), [stiffness], [mass], (ONCE, ONCE))
 
 
 def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedBlock:
-    """A class of the bare panel next to the pillar's: its polynomials, whose stretches are those of thickness and pitch."""
+    """Class of the bare panel next to the pillar's: its polynomials, whose stretches are those of thickness and pitch.
+
+    Parameters
+    ----------
+    cell : AffineCell
+        Gives the reference panel and the plate's material.
+    interface : Interface
+        Polynomials of the sides.
+    signs : (int, int, int)
+        Signs of u_z under x -> -x, y -> -y and x <-> y (0 without this mirror).
+
+    Returns
+    -------
+    ReducedBlock
+        Without touch points.
+    """
     forms, mass = bare_forms(cell.box.panel_m(cell.reference), cell.plate, interface)
     own = bare_parity(interface, signs)
     b, parity = interface.count, interface.parity_basis({0: signs[0], 1: signs[1]})
@@ -320,19 +360,64 @@ def _inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere
 
 
 def orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float, least: float = 0.0) -> FloatArray:
-    """A basis of what has more than `kept` of the largest energy, and `least`, among functions (n, m), orthonormal in it."""
+    """Orthonormalise functions in an energy, without those of too little of it.
+
+    Parameters
+    ----------
+    functions : ndarray, shape (n, m)
+        Functions in columns.
+    energy : csr_array or ndarray, shape (n, n)
+        Symmetric, positive.
+    kept : float
+        Least energy of a direction relative to the largest.
+    least : float, optional
+        Its least energy in scaled units, in addition.
+
+    Returns
+    -------
+    ndarray, shape (n, r)
+        Basis, r <= m.
+    """
     size, turn = eigh(functions.T @ (energy @ functions), overwrite_a=True, check_finite=False)
     chosen = size > max(kept * size[-1], least)
     return np.asarray(functions @ (turn[:, chosen] / np.sqrt(size[chosen])))
 
 
 def symmetric(matrices: FloatArray) -> FloatArray:
+    """Symmetric part of each of several matrices.
+
+    Parameters
+    ----------
+    matrices : ndarray, shape (q, n, n)
+        Symmetric but for rounding.
+
+    Returns
+    -------
+    ndarray, shape (q, n, n)
+        Means of the matrices and their transposes.
+    """
     return np.asarray((matrices + matrices.transpose(0, 2, 1)) / 2.0)
 
 
 def chosen(block: Block, designs: Sequence[Sizes], missed: float) -> list[Sizes]:
-    """The first design, then as many as it takes until no motion of unit strain energy of any design has more than `missed`
+    """Choose designs that hold the motions of all, the worst next (a greedy search).
+
+    It begins with the first design. It ends when no motion of unit strain energy of any design has more than `missed`
     of that energy outside the span of those chosen.
+
+    Parameters
+    ----------
+    block : Block
+        The class, on a coarse mesh.
+    designs : sequence of (float, float, float, float)
+        Thickness, height, side and pitch in m of each design.
+    missed : float
+        Fraction of a motion's energy.
+
+    Returns
+    -------
+    list of (float, float, float, float)
+        The chosen ones, in m.
     """
     left = dict(zip(designs, _motions(block, designs), strict=True))
     taken: list[Sizes] = []
@@ -393,9 +478,32 @@ def sectors(
     lattice: Lattice = IN_LINE,
     is_alike: bool = True,
 ) -> tuple[Sector, ...]:
-    """Every sector of a path's wavevectors (k, 2) in units of pi / pitch.
+    """Sort the wavevectors of a path into sectors.
 
-    SolverError for a wavevector of rows in line that none of the cell's mirrors leaves alone.
+    Parameters
+    ----------
+    face : Interface
+        Polynomials of the sides.
+    fractions : ndarray, shape (k, 2)
+        Wavevectors in units of pi / pitch.
+    lattice : Lattice, optional
+        The rows', in pitches along x; in line by default.
+    is_alike : bool, optional
+        Whether the cell is its own image with x and y exchanged.
+
+    Returns
+    -------
+    tuple of Sector
+        Every sector that holds a wavevector, even and odd ones apart.
+
+    Raises
+    ------
+    SolverError
+        For a wavevector of rows in line that none of the cell's mirrors leaves alone.
+
+    References
+    ----------
+    .. [1] wigner1932 (docs/references.bib)
     """
     return _sectors(face, tuple((float(x), float(y)) for x, y in fractions), lattice, is_alike)
 
@@ -509,6 +617,7 @@ def _basis(
     for number, factor in members:
         panel = number // len(QUARTERS) if count > 1 else 0
         turn = np.exp(-1j * phase[0] * panel / count)
+        # a class odd under the half turn has imaginary coordinates: times -i they are real
         turn = turn * (1.0 if symmetry.members[number][0] == symmetry.members[number][1] else -1j)
         stored = min(number, len(symmetry.classes) - 1)
         pieces[stored] = pieces.get(stored, 0.0) + factor * turn * (classes[number].T @ panels[panel])

@@ -107,10 +107,11 @@ class ParametricCell:
         stiffness, mass = np.tensordot(theta_k, block.stiffness, axes=1), np.tensordot(theta_m, block.mass, axes=1)
         factor = cho_factor(stiffness[f:, f:])
         shapes = np.vstack([boundary, -cho_solve(factor, stiffness[f:, :f] @ boundary)])
-        pushed = mass[f:] @ shapes
+        pushed = mass[f:] @ shapes  # inertia of the constraint modes: each pushes the inside by l times this
         flexible = cho_solve(factor, pushed)
         values, modes = eigh(stiffness[f:, f:], mass[f:, f:], subset_by_index=(0, inner.modes - 1), driver="gvx")
         left = flexible - (modes / values) @ (modes.T @ pushed)  # what the modes left out answer, per eigenvalue
+        # of all boundary motions, those of unit energy whose lost answer is largest give the further functions
         energy = shapes.T @ (stiffness @ shapes + BESIDE * (mass @ shapes))
         lost = pushed.T @ left
         _, along = eigh(lost, energy, subset_by_index=(max(width - inner.residual, 0), width - 1), driver="gvx")
@@ -123,6 +124,7 @@ class ParametricCell:
         dropped_hz = float(self.scale.frequency(values[-1:])[0])
         coupling = own[1][:width, width:]
         values = np.concatenate([values, more_values])
+        # residual flexibility (`Cell.dropped`) of what neither modes nor further functions hold
         lost = pushed.T @ flexible - (coupling / values) @ coupling.T
         hz, touch = self.scale.frequency(values), block.touch @ shapes
         return ClassAtDesign(block.signs, parity, own, hz, dropped_hz, lost, touch, shapes)
@@ -138,7 +140,7 @@ class ParametricCell:
 class ClassAtDesign:
     """A class of one design: K and M among its boundary polynomials and inner functions.
 
-    lost (m, m): what inner functions left out would answer, as Cell.dropped; touch (p, m): u_z at the touch points; shapes:
+    lost (m, m): residual flexibility of the inner functions left out, as `Cell.dropped`; touch (p, m): u_z at the touch points; shapes:
     both in the block's basis.
     """
 
@@ -157,7 +159,24 @@ class ClassAtDesign:
 
 
 def rigid_span(parity: FloatArray, face: Interface, box: DesignBox, sizes: FloatArray | Sizes) -> FloatArray:
-    """An orthonormal basis of a class's rigid-body modes among its boundary polynomials, (m, r)."""
+    """An orthonormal basis of a class's rigid-body modes among its boundary polynomials.
+
+    Parameters
+    ----------
+    parity : ndarray, shape (boundary, m)
+        The class's polynomials among the cell's own.
+    face : Interface
+        Polynomials of the sides.
+    box : DesignBox
+        Gives the panel.
+    sizes : (float, float, float, float) or ndarray, shape (4,)
+        Thickness, height, side and pitch in m.
+
+    Returns
+    -------
+    ndarray, shape (m, r)
+        Dimensionless.
+    """
     motions = parity.T @ rigid_polynomials(face, (*box.panel, float(sizes[THICKNESS] / sizes[PITCH])))
     left, size, _ = np.linalg.svd(motions, full_matrices=False)
     return np.asarray(left[:, size > RIGID])
@@ -170,7 +189,22 @@ def _flexible(stiffness: FloatArray, rigid: FloatArray) -> FloatArray:
 
 
 def lower(parity: FloatArray, full: Interface, face: Interface) -> tuple[FloatArray, IntArray]:
-    """A class's polynomials without the bubbles that `face` lacks, and which columns they were."""
+    """Restrict a class's polynomials to an interface of lower degrees.
+
+    Parameters
+    ----------
+    parity : ndarray, shape (boundary, m)
+        The class's polynomials among those of `full`.
+    full, face : Interface
+        The present and the lower one.
+
+    Returns
+    -------
+    parity : ndarray, shape (lower boundary, n)
+        Those that `face` has, without the bubbles that it lacks.
+    kept : ndarray of int, shape (n,)
+        Their columns.
+    """
     here = np.arange(face.vertex_block)
     layer = np.arange(face.side_block) % face.vertex_block + full.vertex_block * (
         np.arange(face.side_block) // face.vertex_block
@@ -222,10 +256,29 @@ def parametric_cell(
     apply: Callable[..., Iterable[tuple[ReducedBlock, ...]]] = map,
     coarse: AffineCell | None = None,
 ) -> tuple[ParametricCell, ...]:
-    """The cell reduced over the box from the given designs, then for each unseen design one made for it alone.
+    """Reduce the cell over the box from given designs, then for each unseen design one made for it alone.
 
-    With a coarser mesh of the same topology, a class uses only the designs that add something new on that mesh. `apply`
-    maps over the classes, several at once if it can; the largest comes first.
+    With a coarser mesh, a class uses only the designs that add something new on that mesh.
+
+    Parameters
+    ----------
+    cell : AffineCell
+        The cell on its reference mesh.
+    interface : Interface
+        Polynomials of the sides.
+    designs : sequence of (float, float, float, float)
+        Thickness, height, side and pitch in m of the designs whose motions are gathered.
+    unseen : sequence of (float, float, float, float), optional
+        Designs, in m, of the cells made for one alone.
+    apply : callable, optional
+        Maps over the classes, several at once if it can; the largest comes first.
+    coarse : AffineCell, optional
+        Coarser mesh of the same topology.
+
+    Returns
+    -------
+    tuple of ParametricCell
+        The cell of the box, then one per unseen design.
     """
     work = partial(_reduce, cell, coarse, interface, tuple(designs), tuple(unseen))
     classes = ALIKE.classes if cell.box.is_alike else QUARTERS
@@ -262,10 +315,26 @@ def _reduce(
 
 
 def fitted_touch(mesh: Mesh, lines: Sequence[Sequence[float]]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gauss points (p, 2) in m and weights (p,) of the four rectangles between lines along x and y, block or clearance, and
-    u_z there from that at the points of `face_quadrature`, (p, q).
+    """Fit u_z on the touch face of a quarter cell by a polynomial on each rectangle that stretches as one.
 
-    The foot lies a plate's thickness away: degree COUNT - 1 each way follows the field, or as far as the points determine.
+    The foot lies a plate's thickness away: degree COUNT - 1 each way follows the field, or the highest one that the points
+    determine.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh of the quarter cell, in m.
+    lines : two of sequence of float
+        Lines along x and y between the rectangles, in m, as of `plan_lines`.
+
+    Returns
+    -------
+    points_m : ndarray, shape (p, 2)
+        Gauss points of the four rectangles, block or clearance.
+    weights : ndarray, shape (p,)
+        Their weights in m2.
+    from_mesh : ndarray, shape (p, q)
+        u_z there from that at the q points of `face_quadrature`.
     """
     rule, (gauss, area) = face_quadrature(mesh, "touch"), gauss_points()
     at = rule.points[:, :2]

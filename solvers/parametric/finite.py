@@ -452,10 +452,20 @@ def _condense(pair: Pair, kept: int, top: float, about: float) -> Step:
 
 
 def real_basis(row: Row) -> ComplexArray:
-    """The degrees of freedom [lower edge, upper edge, inner] of a row, (row dof, n), in those that make its matrices real.
+    """Basis of a row's degrees of freedom in which its matrices are real.
 
-    What lies on a panel's middle is its own image, with or without a sign: a factor 1 or i. A line between two panels is
-    the image of the other one: u = r + i t there, and its image sign (r - i t).
+    What lies on a panel's middle is its own image, with or without a sign: a factor 1 or i. A line between two panels
+    is the image of the other one: u = r + i t there, and its image sign (r - i t).
+
+    Parameters
+    ----------
+    row : Row
+        One or two cells along x at a real wavenumber.
+
+    Returns
+    -------
+    ndarray, shape (row dof, n)
+        Complex; degrees of freedom [lower edge, upper edge, inner] from the real ones.
     """
     face, cells = row.cell.interface, row.periodic.cells
     count, edge, width = len(cells), row.edge, row.cell.size_m[0]
@@ -490,6 +500,16 @@ def real_row(row: Row) -> Pair:
     """K and M of a row among the degrees of freedom that `real_basis` turns into its own.
 
     Of a cell's inside only modes of like parity meet: their factors are alike, and drop out.
+
+    Parameters
+    ----------
+    row : Row
+        One or two cells along x at a real wavenumber.
+
+    Returns
+    -------
+    stiffness, mass : ndarray, shape (n, n)
+        Real symmetric, scaled.
     """
     cells, count = row.periodic.cells, row.cell.interface.count
     dof = row.transform.shape[1]
@@ -526,7 +546,18 @@ def _stiff_inside(cell: Cell, top: float, about: float) -> tuple[Cell, FloatArra
 
 
 def wavenumbers(design: Design) -> FloatArray:
-    """Wavenumbers along x of the trial functions of the target mode's class, (j,) rad/m."""
+    """Wavenumbers along x of the trial functions of the target mode's class.
+
+    Parameters
+    ----------
+    design : Design
+        Gives the length and the number of nodal lines.
+
+    Returns
+    -------
+    ndarray, shape (j,)
+        In rad/m, ascending.
+    """
     lines = design.nodal_lines
     last = ceil(BEYOND * (max(lines, 2) - 0.5 + MORE))
     return np.asarray(pi / (BEYOND * design.length_m) * np.arange(lines % 2, last + 1), dtype=float)

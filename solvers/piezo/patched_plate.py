@@ -114,7 +114,7 @@ class Group:
 
 
 class PatchedPlate:
-    """Patches on the bare face of a plate; lengths in m, forces and charges in SI after `unscaled`.
+    """Patches on the bare face of a plate; lengths in m, K and loads scaled: `stiffness_unit` times them is SI.
 
     `plates`: the plate by symmetry class, or the whole one alone under WHOLE. at_hz: frequency of the loads, whose part due
     to the patches' inertia goes with the square of the frequency; at rest without it.
