@@ -63,9 +63,9 @@ def verdict(
 ) -> Verdict:  # fmt: skip
     """Judge which mode of a symmetry class is the target mode.
 
-    It is the candidate with the largest weight among those similar to the target shape. Its status is single if its MAC
-    is at least MIN_MAC_SINGLE, if it leads every other mode, computed or not, by LEAD, and if it carries more than all
-    others near it together.
+    It is the candidate with the largest weight among those similar to the target shape. It is single if its MAC reaches
+    MIN_MAC_SINGLE and it leads every other mode, computed or not, by LEAD. It must also carry more than all others near
+    it together.
 
     Parameters
     ----------

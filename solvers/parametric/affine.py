@@ -41,7 +41,7 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Forms, Scale
 
 BLOCK = 1.1  # width of a round or hexagonal pillar's block over the pillar's largest
-UNDER, BESIDE = 2, 3  # numbers of the stretches of block and clearance: solvers/parametric/affine.py
+UNDER, BESIDE = 2, 3  # numbers of the stretches of block and clearance
 
 THICKNESS, HEIGHT, SIDE, PITCH = range(4)
 NAMES = ("thickness", "height", "side", "pitch")

@@ -66,7 +66,7 @@ INSIDE = ""  # name of no line
 class ClassForms:
     """A symmetry class's affine matrices among its own degrees of freedom, all of one sparsity pattern.
 
-    stiffness (q, nnz), mass (r, nnz): values; indices, indptr: the pattern of (m, m); fold (3n, m): nodal motion.
+    stiffness (q, nnz), mass (r, nnz): values; their patterns: indices and indptr of (m, m); fold (3n, m): nodal motion.
     """
 
     fold: sp.csr_array

@@ -140,8 +140,8 @@ class ParametricCell:
 class ClassAtDesign:
     """A class of one design: K and M among its boundary polynomials and inner functions.
 
-    lost (m, m): residual flexibility of the inner functions left out, as `Cell.dropped`; touch (p, m): u_z at the touch points; shapes:
-    both in the block's basis.
+    lost (m, m): residual flexibility of the inner functions left out, as `Cell.dropped`; touch (p, m): u_z at the touch
+    points; shapes: both in the block's basis.
     """
 
     signs: IntArray

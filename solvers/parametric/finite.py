@@ -454,8 +454,8 @@ def _condense(pair: Pair, kept: int, top: float, about: float) -> Step:
 def real_basis(row: Row) -> ComplexArray:
     """Basis of a row's degrees of freedom in which its matrices are real.
 
-    What lies on a panel's middle is its own image, with or without a sign: a factor 1 or i. A line between two panels
-    is the image of the other one: u = r + i t there, and its image sign (r - i t).
+    What lies on a panel's middle is its own image, with or without a sign: a factor 1 or i. Of two panels, the lines
+    between them are each other's image: u = r + i t on one, sign (r - i t) on the other.
 
     Parameters
     ----------

@@ -163,7 +163,7 @@ def inner_window(points_m: FloatArray, low_m: float, high_m: float) -> BoolArray
 
 @dataclass(frozen=True)
 class TwoWaves:
-    """w = forward e^{-ikx} + backward e^{+ikx} fitted: complex amplitudes, k in rad/m, rest = |residual|/|w| (rms)."""
+    """w = forward e^{-ikx} + backward e^{+ikx} fitted: complex amplitudes, k in rad/m; residual: |w - fit|/|w| (rms)."""
 
     forward: complex
     backward: complex
