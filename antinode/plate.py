@@ -121,7 +121,7 @@ class Plate(Frozen):
 
         Parameters
         ----------
-        changes
+        **changes : object
             Keys with their new values: the last part of a key if only one table has it, else table__key. The name of a
             table replaces the whole table; None removes it.
 
@@ -146,6 +146,11 @@ class Plate(Frozen):
 
     def to_dict(self) -> dict[str, Any]:
         """Return a copy of the case's tables, in the units of the case file.
+
+        Returns
+        -------
+        dict
+            Tables by name, each a dictionary of its keys.
 
         Examples
         --------
@@ -195,7 +200,11 @@ class Plate(Frozen):
         vary = tuple(Range.between(key_of(name, self._raw), plain(ends)) for name, ends in ranges.items())
         return ask(self._case, Search(vary=vary, **options), self._log(progress))
 
-    search.__doc__ = numpydoc(Search)
+    search.__doc__ = numpydoc(
+        Search,
+        "vary",
+        "**ranges : tuple\n    Keys to vary, as in `with_`, each with two ends in the unit of the key or two choices.",
+    )
 
     def explore(
         self, path: str | Path | None = None, *, port: int = 0, browser: bool = True, progress: bool | None = None
@@ -284,7 +293,7 @@ def load(path: str | Path, **overrides: Any) -> Plate:
     ----------
     path : str or Path
         The case file (TOML).
-    overrides
+    **overrides : object
         Changed keys, as in `Plate.with_`.
 
     Returns

@@ -117,23 +117,59 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
         return [stored[row["case"]].of(kind) for row in self._rows]
 
     def to_dataframe(self) -> Any:
-        """Return the table as a pandas DataFrame. Raises ImportError without pandas."""
+        """Return the table as a pandas DataFrame.
+
+        Returns
+        -------
+        DataFrame
+            One row per case, with the units in the names of the columns.
+
+        Raises
+        ------
+        ImportError
+            Without pandas.
+        """
         return frame(self._rows)
 
     def to_xarray(self) -> Any:
         """Return the table as an xarray Dataset over the swept keys, or over `case` if their values form no full grid.
 
-        Raises ImportError without pandas and xarray (`pip install 'antinode[tables]'`).
+        Returns
+        -------
+        Dataset
+            One variable per column, with its unit in the attribute `units`.
+
+        Raises
+        ------
+        ImportError
+            Without pandas and xarray (`pip install 'antinode[tables]'`).
         """
         is_grid = len(self) == prod(len({str(row[key]) for row in self._rows}) for key in self.swept)
         return dataset(self._rows, self.swept if self.swept and is_grid else ("case",))
 
     def to_dict(self) -> dict[str, list[Any]]:
-        """Return the columns as lists, by name."""
+        """Return the columns as lists, by name.
+
+        Returns
+        -------
+        dict
+            Lists of one value per case, in the units of the columns' names.
+        """
         return {name: [row[name] for row in self._rows] for name in self.columns}
 
     def save(self, path: str | Path) -> Path:
-        """Write the table atomically as CSV with the columns of table.csv; return its path."""
+        """Write the table atomically as CSV with the columns of table.csv.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write.
+
+        Returns
+        -------
+        Path
+            The written file.
+        """
         write_file(Path(path), csv_bytes(self.columns, [[*row.values()] for row in self._rows]))
         return Path(path)
 
@@ -215,7 +251,7 @@ def sweep(
         Whether to pair the values instead of combining them in a full grid.
     progress : bool, optional
         Whether to report progress on standard error; by default in a terminal or a notebook.
-    values
+    **values : iterable
         Keys as in `Plate.with_`, each with its values in the unit of the key.
 
     Returns

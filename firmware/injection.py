@@ -5,7 +5,7 @@ sensors (also while the level is modulated between zero and full), and one flipp
 number of the tick. On the emulated board, with the unmodified images of both builds, they are lost interrupts, failed
 sensors and flipped bits, at every 101st tick of one second (six channels: every 17th). These numbers are coprime to the
 ticks of a window and of a check of the guard, so that every phase of both occurs. --stride and --image-stride change
-them; --write inserts the table into docs/bring-up.md. A run takes some ten minutes on one processor.
+them; docs/bring-up.md summarises the rows. A run takes some ten minutes on one processor.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from firmware.build import BuildError, build
-from firmware.closed_loop import GAIN, SingleRig, held_plate, write_into_page
+from firmware.closed_loop import GAIN, SingleRig, held_plate
 from firmware.host import NoCompiler, load
 from firmware.protocol import FAULT, IDLE, RUN, Fault, fault_names
 
@@ -101,17 +101,6 @@ class Row(NamedTuple):
         times = f"{1e6 * self.longest_s:.0f}/{1e6 * self.allowed_s:.0f}"
         extent = "{:.2f}/{:.2f} | {:.2f}".format(*self.extent) if self.extent else "|"
         return f"| {self.what} | {self.latched}/{self.held}{late} | {times} | {extent} |"
-
-
-def merged(rows: list[Row]) -> list[Row]:
-    """Rows of the rig, and one for each image with all its injections and the longest time."""
-    images: dict[str, Row] = {}
-    for row in (row for row in rows if row.extent is None):
-        name = row.what.partition(":")[0]
-        known = images.get(name, Row(name, 0, 0, 0, 0.0, 0.0))
-        sums = (mine + added for mine, added in zip(known[1:4], row[1:4], strict=True))
-        images[name] = Row(name, *sums, *map(max, known[4:6], row[4:6]))  # type: ignore[arg-type]
-    return [row for row in rows if row.extent] + [*images.values()]
 
 
 def held(level: float = LEVEL, swings: bool = False) -> SingleRig:
@@ -395,11 +384,9 @@ def main(arguments: list[str] | None = None) -> int:
         help="ticks between two injections on the images",
     )
     parser.add_argument("--image-seconds", type=float, default=1.0, help="length of the run on the images, s")
-    parser.add_argument("--write", action="store_true", help="write the table to docs/bring-up.md")
     chosen = parser.parse_args(arguments)
     rows: list[Row] = []
-    lines = [HEAD, "|---" * 5 + "|"]
-    print("\n".join(lines))
+    print(f"{HEAD}\n{'|---' * 5}|")
     try:
         for result in (rig_rows(chosen.seconds, chosen.stride), board_rows(chosen.image_seconds, *chosen.image_stride)):
             for row in result:
@@ -408,10 +395,6 @@ def main(arguments: list[str] | None = None) -> int:
     except (NoCompiler, BuildError) as missing:
         print(f"injection: {missing}", file=sys.stderr)
         return 5
-    if chosen.write:
-        write_into_page(
-            "python -m firmware.injection --write", "\n".join([*lines, *(row.text for row in merged(rows))])
-        )
     return 0 if all(row.is_sound for row in rows) else 4
 
 

@@ -20,17 +20,36 @@ GROWTH = 1.12
 
 
 def coarse(points: FloatArray, facets: IntArray, most: int) -> tuple[IntArray, IntArray]:
-    """Indices (n <= most,) of the points that stay and facets (m, corners) between them; a field keeps its values there.
+    """Coarsen a surface by clustering its vertices on a grid.
 
-    points (p, 3) in m, facets (f, 3 or 4). Each cluster is shown by its sharpest vertex: edges, and the rim of an open
-    surface, stay where they are.
-    A quadrangle that lost one corner repeats its last one; what lost two is gone.
+    Each cluster is shown by its sharpest vertex, so edges and the rim of an open surface stay in place. A quadrangle
+    that loses one corner repeats its last corner; one that loses two is removed.
+
+    Parameters
+    ----------
+    points : ndarray, shape (p, 3)
+        Vertices, in any unit.
+    facets : ndarray, shape (f, 3) or (f, 4)
+        Vertices of each facet.
+    most : int
+        Largest number of remaining vertices.
+
+    Returns
+    -------
+    kept : ndarray, shape (n,)
+        Indices of the remaining vertices, at which a field keeps its values.
+    facets : ndarray, shape (m, 3) or (m, 4)
+        Facets, as indices into `kept`.
+
+    References
+    ----------
+    .. [1] rossignac1993 (docs/references.bib)
     """
     extent = float(np.ptp(points, axis=0).max())
     middle, sharp = points.mean(axis=0), None
     step = SAME * extent
     while True:
-        cluster = clusters(points, step, middle)
+        cluster = _clusters(points, step, middle)
         if cluster.max(initial=-1) < most:
             break
         if sharp is None:
@@ -44,13 +63,27 @@ def coarse(points: FloatArray, facets: IntArray, most: int) -> tuple[IntArray, I
 
 
 def with_sides(points: FloatArray, facets: IntArray, thickness_m: float) -> IntArray:
-    """The facets and, where the skin of a plate is open between z = 0 and its thickness, facets that close it.
+    """Close the sides of a plate's skin where it is open between z = 0 and the thickness.
 
-    On the outer sides a rim edge below is connected to the rim edge straight above it; where there is none, the skin
-    stays open.
+    An edge of the lower rim on an outer side is joined to the edge of the upper rim straight above it. Without such an
+    edge, the skin stays open.
+
+    Parameters
+    ----------
+    points : ndarray, shape (p, 3)
+        Vertices in m, the plate's lower face at z = 0.
+    facets : ndarray, shape (f, 3) or (f, 4)
+        Vertices of each facet.
+    thickness_m : float
+        Thickness of the plate in m.
+
+    Returns
+    -------
+    ndarray, shape (m, 3) or (m, 4)
+        The facets, followed by those that close the sides.
     """
     step = SAME * float(np.ptp(points, axis=0).max())
-    same = clusters(points, step, points.mean(axis=0))
+    same = _clusters(points, step, points.mean(axis=0))
     first = _first(same)
     place = points[first]
     edges, _ = _rim(same[facets])
@@ -72,7 +105,7 @@ def with_sides(points: FloatArray, facets: IntArray, thickness_m: float) -> IntA
     return np.concatenate([facets, added])
 
 
-def clusters(points: FloatArray, step: float, middle: FloatArray) -> IntArray:
+def _clusters(points: FloatArray, step: float, middle: FloatArray) -> IntArray:
     """Number of the grid box that each point lies in; the middle of the body is the middle of a box."""
     boxes = np.floor((points - middle) / step + 0.5).astype(np.int64)
     boxes -= boxes.min(axis=0)
@@ -102,6 +135,8 @@ def _sharpness(points: FloatArray, facets: IntArray) -> FloatArray:
     outward = _unit(np.cross(points[ends[:, 1]] - points[ends[:, 0]], normal[owner]))
     for end in ends.T:
         np.add.at(spread, end, outward[:, :, None] * outward[:, None, :])
+    # Mean of n n' over the normals n around a vertex: its largest eigenvalue is 1 where they are parallel, less otherwise.
+    # At a rim, the outward normal within the facet counts as one more direction.
     spread /= np.maximum(np.trace(spread, axis1=1, axis2=2), 1e-300)[:, None, None]
     return np.asarray(np.round(1.0 - np.linalg.eigvalsh(spread)[:, 2], 3))
 
@@ -152,15 +187,30 @@ ON_EDGE = 1e-4  # of an edge's length: a vertex so near lies on it
 
 
 def closed_surface(points: FloatArray, facets: IntArray, thickness_m: float | None = None) -> tuple[IntArray, IntArray]:
-    """Indices (n,) of the points that stay and triangles (m, 3) between them, every edge of which belongs to two.
+    """Join the surfaces of a body's parts into one closed triangulation.
 
-    points (p, 3) in m, facets (f, 3 or 4) of a whole body; `thickness_m`: of a plate, whose sides are closed where they are
-    open. Facets that lie on one another are inside the body, as those on a plane about which its parts are mirrored. Edges are
-    split at the vertices on them, where the grids of two parts differ. What the parts leave open otherwise stays open.
+    Facets that coincide lie inside the body, such as those on a mirror plane between two parts, and are removed. Where
+    the grids of two parts differ, edges are split at the vertices on them. Other openings stay open.
+
+    Parameters
+    ----------
+    points : ndarray, shape (p, 3)
+        Vertices in m.
+    facets : ndarray, shape (f, 3) or (f, 4)
+        Vertices of each facet of the whole body.
+    thickness_m : float, optional
+        Thickness of a plate in m, whose open sides are closed first.
+
+    Returns
+    -------
+    kept : ndarray, shape (n,)
+        Indices of the remaining vertices.
+    triangles : ndarray, shape (m, 3)
+        Triangles, as indices into `kept`; two of them share every edge.
     """
     if thickness_m is not None:
         facets = with_sides(points, facets, thickness_m)
-    same = clusters(points, WELD * float(np.ptp(points, axis=0).max()), points.mean(axis=0))
+    same = _clusters(points, WELD * float(np.ptp(points, axis=0).max()), points.mean(axis=0))
     _, kept = np.unique(same, return_index=True)
     welded = same[facets]
     triangles = _triangles(welded[~_inside(welded)])

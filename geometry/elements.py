@@ -69,13 +69,37 @@ TET_EDGES, TET_FACES = np.array(TOPOLOGY["tet"].edges), np.array(TOPOLOGY["tet"]
 
 @lru_cache(maxsize=16)
 def gauss_lobatto(order: int) -> FloatArray:
-    """Gauss-Lobatto points of degree `order` on [-1, 1], shape (order + 1,): the ends and the roots of P'_order."""
+    """Compute the Gauss-Lobatto points on [-1, 1]: both ends and the roots of P'_order.
+
+    Parameters
+    ----------
+    order : int
+        Degree of the Legendre polynomial.
+
+    Returns
+    -------
+    ndarray, shape (order + 1,)
+        Ascending points.
+    """
     inner = legendre.legroots(legendre.legder(np.eye(order + 1)[order]))
     return np.concatenate([[-1.0], np.sort(inner), [1.0]])
 
 
 def lagrange(nodes: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Values and derivatives of the Lagrange polynomials on `nodes`, each of shape (len(at), len(nodes))."""
+    """Evaluate the Lagrange polynomials on some nodes.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (n,)
+        Distinct nodes.
+    at : ndarray, shape (m,)
+        Points of evaluation.
+
+    Returns
+    -------
+    values, derivatives : ndarray, shape (m, n)
+        Each polynomial and its derivative at the points.
+    """
     count = len(nodes)
     vander = legendre.legvander(nodes, count - 1)
     to_nodal = np.linalg.inv(vander)
@@ -249,7 +273,25 @@ KINDS: dict[str, type[Element]] = {kind.kind: kind for kind in (Hexahedron, Tetr
 
 @lru_cache(maxsize=16)
 def element(kind: str, order: int) -> Element:
-    """The reference element of a kind and order. Raises ValueError for one that does not exist."""
+    """Return the reference element of a kind and order.
+
+    Parameters
+    ----------
+    kind : {'hex', 'tet', 'wedge', 'pyramid'}
+        Shape of the element.
+    order : int
+        From 1 to 4 for hex, 1 or 2 for the others.
+
+    Returns
+    -------
+    Element
+        The reference element.
+
+    Raises
+    ------
+    ValueError
+        For an element that does not exist.
+    """
     if kind not in KINDS or not 1 <= order <= (4 if kind == "hex" else 2):
         raise ValueError(
             f"no {kind} element of order {order}: hex has orders 1 to 4; tet, wedge and pyramid have 1 and 2"
@@ -266,7 +308,20 @@ TRIANGLES = (3, 6)  # nodes of a triangular facet of order 1 or 2; any other num
 
 
 def corner_ring(facets: IntArray, order: int) -> IntArray:
-    """The corners of facets (m, k), triangles' first three, squares' (u fastest) in ring order."""
+    """Return the corners of facets in ring order.
+
+    Parameters
+    ----------
+    facets : ndarray, shape (m, k)
+        Nodes: of triangles the corners first, of squares u fastest.
+    order : int
+        Order of the elements.
+
+    Returns
+    -------
+    ndarray, shape (m, 3) or (m, 4)
+        Corner nodes.
+    """
     if facets.shape[1] in TRIANGLES:
         return facets[:, :3]
     return facets[:, [0, order, (order + 1) ** 2 - 1, order * (order + 1)]]

@@ -34,7 +34,13 @@ class UnwritableError(OSError):
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
-    """Protect the files that `read_by_command` names within the block from being written until the block ends."""
+    """Protect the files that `read_by_command` names within the block from being written until the block ends.
+
+    Yields
+    ------
+    None
+        Control to the block.
+    """
     token = _inputs.set([])
     try:
         yield
@@ -43,14 +49,31 @@ def inputs_kept() -> Iterator[None]:
 
 
 def read_by_command(*paths: FilePath) -> None:
-    """Name files that the running command reads; without an open `inputs_kept` nothing happens."""
+    """Name files that the running command reads; without an open `inputs_kept` nothing happens.
+
+    Parameters
+    ----------
+    *paths : str or Path
+        Files that must not be overwritten.
+    """
     kept = _inputs.get()
     if kept is not None:
         kept.extend(Path(path) for path in paths)
 
 
 def open_descriptor(path: FilePath) -> int | None:
-    """The number of this process's own descriptor that a path such as /dev/stdout names, None for any other path."""
+    """Return the descriptor of this process that a path such as /dev/stdout names.
+
+    Parameters
+    ----------
+    path : str or Path
+        Path to resolve; symbolic links are followed.
+
+    Returns
+    -------
+    int or None
+        Number of the descriptor; None for any other path.
+    """
     place = Path(path).absolute()
     for _ in range(MAX_LINKS):
         folder = _followed(place.parent)
@@ -64,7 +87,18 @@ def open_descriptor(path: FilePath) -> int | None:
 
 
 def obstacle(path: FilePath) -> str | None:
-    """Reason why no file can be written to this path, in a few words; None if one can."""
+    """Return the reason why no file can be written to a path.
+
+    Parameters
+    ----------
+    path : str or Path
+        Path of the file.
+
+    Returns
+    -------
+    str or None
+        Reason in a few words; None if a file can be written.
+    """
     descriptor = open_descriptor(path)
     try:
         status = Path(path).stat() if descriptor is None else os.fstat(descriptor)
@@ -110,10 +144,27 @@ def _followed(path: FilePath) -> Path:
 
 @contextmanager
 def written_whole(path: FilePath) -> Iterator[Path]:
-    """A path to write to, whose content takes its place at `path` when the block ends well.
+    """Provide a temporary path whose content replaces the file when the block ends without an exception.
 
-    A killed process leaves at most a hidden temporary file; a regular `path` holds the old content or the whole new one.
-    Parent folders are not made. Raises UnwritableError before the block, OSError when a write fails.
+    A killed process leaves at most a hidden temporary file; a regular file holds either its old content or the whole
+    new one. Parent folders are not made.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+
+    Yields
+    ------
+    Path
+        Temporary file to write to.
+
+    Raises
+    ------
+    UnwritableError
+        Before the block, if the path cannot be written.
+    OSError
+        If a write fails.
     """
     if reason := obstacle(path):
         raise UnwritableError(f"{path}: cannot be written ({reason})")

@@ -65,7 +65,18 @@ class Path:
 
 
 def labels_of(path: str) -> tuple[str, ...]:
-    """Split a path such as GXSX1YG into the labels of its points."""
+    """Split a path such as GXSX1YG into the labels of its points.
+
+    Parameters
+    ----------
+    path : str
+        Labels of high-symmetry points, one after another.
+
+    Returns
+    -------
+    tuple of str
+        Labels such as G, X or X1.
+    """
     return tuple(LABELS.findall(path))
 
 

@@ -22,10 +22,22 @@ ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fracti
 
 
 def half_wavelength_m(length_m: float, nodal_lines: int) -> float | None:
-    """Half-wavelength of the free-free beam shape with N nodal lines along a length L: L/(N - 1/2), m; None for rigid shapes.
+    """Compute the half-wavelength L/(N - 1/2) of the free-free beam shape with N nodal lines along a length L.
 
-    cosh kL cos kL = 1 has its roots at kL = (N - 1/2) pi, to 0.4 % at N = 2 and better beyond: the free ends take half a
-    half-wave less than N. What is counted by lines, such as elements, goes by L/N.
+    cosh kL cos kL = 1 has its roots at kL = (N - 1/2) pi, to 0.4 % at N = 2 and better beyond: the free ends take half
+    a half-wavelength less than N. A count of lines, such as that of elements, follows L/N instead.
+
+    Parameters
+    ----------
+    length_m : float
+        Length L in m.
+    nodal_lines : int
+        Number N of nodal lines.
+
+    Returns
+    -------
+    float or None
+        Half-wavelength in m; None for the rigid shapes N = 0 and 1.
     """
     return length_m / (nodal_lines - 0.5) if nodal_lines > 1 else None
 
@@ -55,9 +67,28 @@ PLAIN = "square, round, hexagonal, tapered or cross-shaped pillars without fille
 
 @dataclass(frozen=True)
 class Pillar:
-    """One pillar: its shape by name, widths of foot and tip, height, foot fillet, further sizes of the shape. Lengths in m.
+    """One pillar, lengths in m.
 
-    A heavy tip stands on its top, beyond its height. `faces`: 1, on the back alone; 2, with its mirror image on the touch face.
+    Attributes
+    ----------
+    shape : str
+        Name of its shape.
+    base_m, tip_m : float
+        Widths of foot and tip.
+    height_m : float
+        Height without a heavy tip.
+    material : Material
+        Its material.
+    fillet_m : float
+        Radius of the fillet at the foot.
+    file : str or None
+        CAD file of the shape.
+    more_m : tuple of tuple
+        Further sizes of the shape, as pairs of name and length.
+    tip : Tip or None
+        Heavy tip on its top.
+    faces : int
+        1 on the back only, 2 with its mirror image on the touch face.
     """
 
     shape: str
@@ -165,7 +196,20 @@ class Pillar:
 
 
 def region_materials(stack: Stack, pillar: Pillar | None) -> dict[str, Material]:
-    """The material of each region that a mesh of a plate with such pillars may have."""
+    """Return the material of each region that a mesh of a plate with such pillars may have.
+
+    Parameters
+    ----------
+    stack : Stack
+        Layers of the plate.
+    pillar : Pillar or None
+        Pillar on the plate.
+
+    Returns
+    -------
+    dict of Material
+        Materials by region: those of the stack, body, pillar and tip.
+    """
     own = pillar.material if pillar else stack.back
     tip = pillar.tip.material if pillar and pillar.tip else own
     return stack.regions | {"body": stack.back, "pillar": own, "tip": tip}
@@ -181,13 +225,35 @@ class PillarGroup:
 
 @dataclass(frozen=True)
 class Design:
-    """The plate as built: zone, pillar rows on both sides, passive margin. Lengths in m.
+    """The plate as built: zones, pillar rows on both sides of each, passive margin; lengths in m.
 
-    Where rows differ, `graded` and `graded_pitches_m` hold one entry per row from the zone outwards, a row standing in the
-    middle of a strip as wide as its pitch; pillar and pitch_y_m are then the first row's. Empty, all rows are alike.
-    With `stagger` every other row, from the second on, is shifted by half a pitch along x.
-    `zones` of equal size lie side by side along y, centred, zone_gap_m between their borders; `shared_rows` stand in each gap,
-    the nearer half of them at either border. Width is one zone's, `rows` those beyond the outer zones.
+    Attributes
+    ----------
+    length_m, width_m, thickness_m : float
+        Length of the plate and its zones along x, width of one zone along y, thickness of the plate.
+    nodal_lines : int
+        Nodal lines of the target shape.
+    material : Material
+        Material of the plate.
+    pillar : Pillar or None
+        Pillar of all rows, or of the first row if rows differ.
+    pitch_x_m, pitch_y_m : float
+        Pitches along a row and between rows, those of the first row if rows differ.
+    rows : int
+        Rows beyond each outer zone.
+    extension_m : float
+        Margin beyond the last row.
+    graded, graded_pitches_m : tuple of Pillar or float
+        Pillar and pitch of each row from the zone outwards if rows differ, else empty. A row stands in the middle of a
+        strip as wide as its pitch.
+    stagger : bool
+        Whether every other row, from the second onwards, is shifted by half a pitch along x.
+    zones : int
+        Number of equal zones, next to each other along y.
+    shared_rows : int
+        Rows in each gap between zones, half of them at either border.
+    zone_gap_m : float
+        Distance between the borders of neighbouring zones.
     """
 
     length_m: float
@@ -401,10 +467,30 @@ SAME_M = 1e-9  # places that agree to a nanometre are the same
 
 @dataclass(frozen=True)
 class Patches:
-    """The bonded patches. Lengths in m; centres from the plate's centre; lengths_m along x, one per patch.
+    """Piezoelectric patches bonded to a plate, lengths in m.
 
-    at = "antinodes": numbered along x over the N + 1 antinodes of the shape with N nodal lines, free ends included; the
-    two end patches are cut to the space beyond their neighbours. sensors: the numbers of the sensor patches.
+    Attributes
+    ----------
+    material : PiezoMaterial
+        Their material.
+    size_m : tuple of float
+        Length along x, width and thickness of a patch.
+    face : {'back', 'touch'}
+        Face that they are bonded to.
+    at : {'antinodes', 'centres'}
+        Whether they stand on the N + 1 antinodes of the shape with N nodal lines, free ends included and numbered along
+        x.
+        The two end patches are then cut to the space beyond their neighbours.
+    centres_m : tuple of tuple
+        Centres (x, y) from the plate's centre.
+    lengths_m : tuple of float
+        Length of each patch along x.
+    sensors : tuple of int
+        Numbers of the sensor patches, from 0.
+    drive_v : float
+        Amplitude of the drive voltage in V.
+    circuit : {'short', 'open'}
+        Whether a voltage or a charge is prescribed on the actuators.
     """
 
     material: PiezoMaterial
@@ -435,7 +521,18 @@ class Patches:
 
 
 def mirrored_axes(boxes_m: FloatArray) -> tuple[bool, bool]:
-    """Whether footprints (n, 4), as from boxes_m, are together their own mirror image along x and along y."""
+    """Check whether footprints together are their own mirror image.
+
+    Parameters
+    ----------
+    boxes_m : ndarray, shape (n, 4)
+        Rectangles x0, x1, y0, y1 in m.
+
+    Returns
+    -------
+    along_x, along_y : bool
+        Whether reflecting x, or y, maps the set of rectangles onto itself.
+    """
     images = -boxes_m[:, [1, 0]], -boxes_m[:, [3, 2]]
     x, y = np.hstack([images[0], boxes_m[:, 2:]]), np.hstack([boxes_m[:, :2], images[1]])
     x_apart, y_apart = (np.abs(boxes_m[:, None] - image[None]).max(axis=2).min(axis=1) for image in (x, y))
@@ -445,10 +542,28 @@ def mirrored_axes(boxes_m: FloatArray) -> tuple[bool, bool]:
 def antinode_places(
     inner_m: tuple[float, ...], length_m: float, size_m: tuple[float, float, float], ends: bool
 ) -> tuple[tuple[tuple[float, float], ...], tuple[float, ...]]:
-    """Centres (x, 0) and lengths along x of patches on the antinodes of a strip of this length, m.
+    """Place patches on the antinodes of a strip.
 
-    inner_m: the inner antinodes from the strip's centre, ascending. With ends, one patch more at each free end, flush
-    with it, at most as long as the others and one patch thickness away from its neighbour.
+    With `ends`, one more patch lies flush with each free end. It is at most as long as the others and one patch
+    thickness away from its neighbour.
+
+    Parameters
+    ----------
+    inner_m : tuple of float
+        Inner antinodes from the strip's centre, ascending, in m.
+    length_m : float
+        Length of the strip in m.
+    size_m : tuple of float
+        Length, width and thickness of a patch in m.
+    ends : bool
+        Whether to add patches at both ends.
+
+    Returns
+    -------
+    centres : tuple of tuple of float
+        Centres (x, 0) in m.
+    lengths : tuple of float
+        Lengths along x in m.
     """
     size = size_m[0]
     places = [(x, size) for x in inner_m]

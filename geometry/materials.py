@@ -88,11 +88,11 @@ class Material:
         own = Isotropic(young_pa, poisson)
         stiffness = own.shear_pa * np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
         stiffness[:3, :3] += own.lame_pa
-        return cls(name, density_kg_m3, rows_of(stiffness), own, source)
+        return cls(name, density_kg_m3, _rows_of(stiffness), own, source)
 
     def scaled(self, factor: float) -> Material:
         """Return the law with its stiffness multiplied by `factor`."""
-        stiffness = rows_of(factor * np.array(self.stiffness_pa))
+        stiffness = _rows_of(factor * np.array(self.stiffness_pa))
         own = self.constants and replace(self.constants, young_pa=factor * self.constants.young_pa)
         return replace(self, stiffness_pa=stiffness, constants=own)
 
@@ -168,7 +168,7 @@ class Material:
         return tuple(name for name in ("x", "y", "d") if np.abs(images[name] - c).max() <= SAME * np.abs(c).max())
 
 
-def rows_of(matrix: FloatArray) -> Stiffness:
+def _rows_of(matrix: FloatArray) -> Stiffness:
     """A matrix (6, 6) as a value that can be compared and hashed."""
     return tuple(map(tuple, matrix.tolist()))
 
@@ -347,7 +347,7 @@ class Stack:
         if len(self.layers) == 1:
             return self.back
         parts = [part / self.thickness_m * np.array(material.stiffness_pa) for material, part in self.layers]
-        law = Material("mean", self.mass_kg_m2 / self.thickness_m, rows_of(np.sum(parts, axis=0)))
+        law = Material("mean", self.mass_kg_m2 / self.thickness_m, _rows_of(np.sum(parts, axis=0)))
         return replace(law, constants=law.average) if all(material.constants for material, _ in self.layers) else law
 
     @property

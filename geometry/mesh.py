@@ -133,13 +133,39 @@ AnyMesh = Mesh | MixedMesh
 
 
 def jacobians(mesh: Mesh, cells: IntArray, at: FloatArray) -> FloatArray:
-    """Jacobian matrices d x_j / d xi_m of the given elements at reference points (q, 3), shape (e, q, 3, 3)."""
+    """Compute the Jacobian matrices d x_j / d xi_m of elements at reference points.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh in m.
+    cells : ndarray, shape (e,)
+        Numbers of the elements.
+    at : ndarray, shape (q, 3)
+        Reference points.
+
+    Returns
+    -------
+    ndarray, shape (e, q, 3, 3)
+        Entry [..., m, j] is d x_j / d xi_m in m.
+    """
     _, gradient = mesh.element.shape(at)
     return np.asarray(np.einsum("qkm,ekj->eqmj", gradient, mesh.nodes[mesh.cells[cells]], optimize=True))
 
 
 def cell_volumes(mesh: Mesh) -> FloatArray:
-    """Volume of every element by quadrature, m3."""
+    """Compute the volume of every element by quadrature.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh in m.
+
+    Returns
+    -------
+    ndarray, shape (e,)
+        Volumes in m^3.
+    """
     if mesh.spans is not None:
         return np.asarray(mesh.spans.prod(axis=1))
     rule = mesh.element.quadrature
@@ -150,7 +176,18 @@ def cell_volumes(mesh: Mesh) -> FloatArray:
 
 
 def is_affine(mesh: Mesh) -> FloatArray:
-    """Mask of the elements that are affine images of the reference element, shape (e,) bool."""
+    """Find the elements that are affine images of the reference element.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh in any unit.
+
+    Returns
+    -------
+    ndarray, shape (e,)
+        Mask of the affine elements.
+    """
     if mesh.spans is not None or (mesh.order == 1 and mesh.kind == "tet"):
         return np.ones(len(mesh.cells), dtype=bool)
     corners = mesh.element.points
@@ -172,10 +209,26 @@ class MeshReport:
 
 
 def check_mesh(mesh: AnyMesh, volume_m3: float | None = None, tolerance: float = 1e-3) -> MeshReport:
-    """Check Jacobians at the quadrature points, orphan nodes, and the volume against the CAD solid's.
+    """Check Jacobians at the quadrature points, orphan nodes, and the volume.
 
-    `volume_m3` is the exact volume, `tolerance` the allowed relative difference.
-    Raises MeshError naming the worst element, the orphan or the two volumes.
+    Parameters
+    ----------
+    mesh : Mesh or MixedMesh
+        Mesh in m.
+    volume_m3 : float, optional
+        Exact volume in m^3, such as that of the CAD solid.
+    tolerance : float, optional
+        Allowed relative difference of the volume.
+
+    Returns
+    -------
+    MeshReport
+        Counts, volume and the worst Jacobian ratio.
+
+    Raises
+    ------
+    MeshError
+        Naming the worst element, the orphan or the difference of the volumes.
     """
     if not np.isfinite(mesh.nodes).all():
         raise MeshError("the mesh has a node that is not a number")
@@ -227,10 +280,28 @@ PER_HEXAHEDRON = 6
 
 
 def split_hexahedra(mesh: Mesh) -> Mesh:
-    """Six tetrahedra a hexahedron, along its diagonal from the lowest to the highest corner.
+    """Cut every hexahedron into six tetrahedra along its diagonal from the lowest to the highest corner.
 
     Neighbours cut their common face along the same diagonal, so the mesh conforms; no node is added or lost.
-    ValueError for another element. Source: kuhn1960.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Hexahedra of order 1 or 2.
+
+    Returns
+    -------
+    Mesh
+        Tetrahedra of the same order on the same nodes.
+
+    Raises
+    ------
+    ValueError
+        For another element.
+
+    References
+    ----------
+    .. [1] kuhn1960 (docs/references.bib)
     """
     if mesh.kind != "hex" or mesh.order not in (1, 2):
         raise ValueError(f"only hexahedra of order 1 or order 2 are split, not {mesh.kind} of order {mesh.order}")

@@ -219,7 +219,7 @@ class Step(Square):
 
         Raises GeometryError when the file is missing or unreadable, open, not one solid, or not standing on z = 0.
         """
-        solid = step_pillar_shape(path)
+        solid = _step_pillar_shape(path)
         box = solid.BoundingBox()
         foot, tip = _level_size(solid, 0.0), _level_size(solid, box.zmax)
         extent, volume = max(box.xlen, box.ylen), solid.Volume()
@@ -256,7 +256,7 @@ class Step(Square):
 
     def solid(self, height_m: float) -> Any:
         """The file's solid. GeometryError as from_file."""
-        return step_pillar_shape(self.file or "")
+        return _step_pillar_shape(self.file or "")
 
 
 class Round(PillarShape):
@@ -399,7 +399,7 @@ class Tapered(Square):
         return cq.Workplane().rect(base, base).workplane(offset=height_m / MM).rect(tip, tip).loft(ruled=True).val()
 
 
-def step_pillar_shape(path: str | os.PathLike[str]) -> Any:
+def _step_pillar_shape(path: str | os.PathLike[str]) -> Any:
     """The one solid of a STEP file (cadquery, mm) once it is known to stand on z = 0; errors as Step.from_file."""
     file = Path(path)
     try:
@@ -419,7 +419,13 @@ def step_pillar_shape(path: str | os.PathLike[str]) -> Any:
 
 
 def register(*shapes: type[PillarShape]) -> None:
-    """Make shapes known by their names, before a case file is read."""
+    """Make shapes known by their names, before a case file is read.
+
+    Parameters
+    ----------
+    *shapes : type
+        Subclasses of PillarShape.
+    """
     SHAPES.update({shape.name: shape for shape in shapes})
 
 
@@ -494,19 +500,68 @@ register(Square, Round, Tapered, Hexagonal, Cross, Step)
 
 
 def shape_of(name: str, width_m: float, tip_m: float, more: Any = (), file: str | None = None) -> PillarShape:
-    """The shape of a name with its sizes in m. GeometryError for an unknown name."""
+    """Return the shape of a name with its sizes.
+
+    Parameters
+    ----------
+    name : str
+        Name of a registered shape, such as square.
+    width_m, tip_m : float
+        Widths of the foot and of the tip in m.
+    more : iterable, optional
+        Further sizes in m, as pairs of name and size.
+    file : str, optional
+        CAD file of the shape.
+
+    Returns
+    -------
+    PillarShape
+        The shape.
+
+    Raises
+    ------
+    GeometryError
+        For an unknown name.
+    """
     if name not in SHAPES:
         raise GeometryError(f"pillar shape '{name}' is not one of {', '.join(SHAPES)}")
     return SHAPES[name](width_m, tip_m, tuple(more), file)
 
 
 def stored_shape(record: Mapping[str, Any]) -> PillarShape:
-    """The shape of a pillar as records describe it: shape, base_m, tip_m and its further sizes by name."""
+    """Return the shape of a pillar as records describe it.
+
+    Parameters
+    ----------
+    record : mapping
+        Name `shape`, widths `base_m` and `tip_m`, and further sizes in m by name.
+
+    Returns
+    -------
+    PillarShape
+        The shape.
+
+    Raises
+    ------
+    GeometryError
+        For an unknown name.
+    """
     more = tuple((name, size) for name, size in record.items() if isinstance(size, float))
     return shape_of(record["shape"], record["base_m"], record["tip_m"], more)
 
 
 def in_words(names: Mapping[str, Any] | None = None) -> str:
-    """Shapes as a message lists them: square, round or step."""
+    """List shapes as a message does, such as "square, round or step".
+
+    Parameters
+    ----------
+    names : mapping, optional
+        Shapes by name; all registered ones by default.
+
+    Returns
+    -------
+    str
+        The names.
+    """
     *first, last = names or SHAPES
     return f"{', '.join(first)} or {last}" if first else last

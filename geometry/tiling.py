@@ -15,10 +15,20 @@ from geometry.layout import Design, Pillar
 
 @dataclass(frozen=True)
 class Panel:
-    """A rectangular panel of plate from (x0, y0) to (x1, y1), lengths in m, with a pillar's centre or None.
+    """A rectangular panel of plate.
 
-    `halved` lists the axes along which only the half beyond the panel's middle is meshed (its mirrors), `free` the
-    sides (x-, x+, y-, y+) to which nothing is attached. `pillar` names the one that stands there where rows differ.
+    Attributes
+    ----------
+    low, high : tuple of float
+        Corners (x0, y0) and (x1, y1) in m.
+    foot : tuple of float or None
+        Centre (x, y) of its pillar in m; None for a bare panel.
+    halved : tuple of int
+        Axes along which only the half beyond the panel's middle is meshed, with a mirror there.
+    free : tuple of str
+        Sides (x-, x+, y-, y+) to which nothing is attached.
+    pillar : Pillar or None
+        Its pillar if rows differ; None for the design's.
     """
 
     low: tuple[float, float]
@@ -40,10 +50,20 @@ DIGITS = 9  # of a length in m: panels that agree to a nanometre are the same
 
 @dataclass(frozen=True)
 class Tiling:
-    """Grid lines x (nx + 1) and y (ny + 1) in m, symmetric about 0, and the foot in each panel, {(i, j): (x, y)}.
+    """Panels of a plate.
 
-    mirrored: whether a pillar is its own mirror image, and with it the plate. pillars: those of the rows of panels j, where
-    rows of pillars differ. lines_m: y where parts of the touch face meet.
+    Attributes
+    ----------
+    x, y : ndarray, shape (nx + 1,) or (ny + 1,)
+        Grid lines in m, symmetric about 0.
+    feet : dict of tuple
+        Centres (x, y) of the pillars in m by column and row (i, j) of their panels.
+    mirrored : bool
+        Whether every pillar, and with it the plate, is its own mirror image.
+    pillars : mapping of Pillar
+        Pillars by row j of panels if rows differ.
+    lines_m : tuple of float
+        Lines y at which parts of the touch face meet.
     """
 
     x: FloatArray
@@ -85,13 +105,37 @@ class Tiling:
 
 
 def lattice_panel(design: Design, count: int = 1) -> Panel:
-    """The unit cell: pitch_x x pitch_y, its pillar in the middle (bare without one); of `count` side by side the middle one."""
+    """Return the unit cell as a panel, pitch_x x pitch_y, with its pillar in the middle; bare without a pillar.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    count : int, optional
+        Number of panels side by side in a pitch, of which the middle one is returned.
+
+    Returns
+    -------
+    Panel
+        The panel in m, halved along both axes.
+    """
     half_x, half_y = design.pitch_x_m / count / 2.0, design.pitch_y_m / 2.0
     return Panel((-half_x, -half_y), (half_x, half_y), (0.0, 0.0) if design.pillar else None, (0, 1))
 
 
 def row_panels(design: Design) -> list[Panel]:
-    """The panels of one pitch along a row: the unit cell, of staggered rows one with the pillar and a bare one."""
+    """Return the panels of one pitch along a row.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+
+    Returns
+    -------
+    list of Panel
+        The unit cell; for staggered rows one half with the pillar and a bare one.
+    """
     if not design.stagger:
         return [lattice_panel(design)]
     own = lattice_panel(design, 2)
@@ -99,7 +143,18 @@ def row_panels(design: Design) -> list[Panel]:
 
 
 def signature(panel: Panel) -> Signature:
-    """Key of a panel's reduction: its edges, its pillar and the position of it, and its free sides."""
+    """Return the key of a panel's reduction: panels with equal keys are reduced once.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+
+    Returns
+    -------
+    tuple
+        Edge lengths, place of the foot from the middle (m; infinite without one), free sides, the panel's own pillar.
+    """
     size = (panel.high[0] - panel.low[0], panel.high[1] - panel.low[1])
     offset = (panel.foot[0] - panel.middle[0], panel.foot[1] - panel.middle[1]) if panel.foot else (np.inf, np.inf)
     own = (panel.pillar,) if panel.pillar else ()
@@ -107,7 +162,20 @@ def signature(panel: Panel) -> Signature:
 
 
 def tile(design: Design, max_edge_m: float) -> Tiling:
-    """Cut a plate into one panel per pillar and bare panels no longer than `max_edge_m` elsewhere."""
+    """Cut a plate into one panel per pillar and bare panels elsewhere.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    max_edge_m : float
+        Largest edge of a bare panel in m.
+
+    Returns
+    -------
+    Tiling
+        Grid lines in m and the foot of each panel.
+    """
     x, y = grid(design, max_edge_m)
     if not design.rows:
         return Tiling(x, y, {}, design.is_mirrored, lines_m=design.touch_lines_m)
@@ -120,7 +188,18 @@ def tile(design: Design, max_edge_m: float) -> Tiling:
 
 
 def tightest_panels(design: Design) -> list[Panel]:
-    """The panel of every row whose foot comes nearest to a side: that of its last column."""
+    """Return the panel of every row whose foot comes nearest to a side: that of its last column.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+
+    Returns
+    -------
+    list of Panel
+        One panel per row; none without rows.
+    """
     if not design.rows:
         return []
     x, y = grid(design, design.thickness_m)
@@ -136,7 +215,22 @@ def tightest_panels(design: Design) -> list[Panel]:
 
 
 def grid(design: Design, max_edge_m: float) -> tuple[FloatArray, FloatArray]:
-    """The grid lines of `tile`, x (nx + 1) and y (ny + 1), m."""
+    """Compute the grid lines of `tile`.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    max_edge_m : float
+        Largest edge of a bare panel in m.
+
+    Returns
+    -------
+    x : ndarray, shape (nx + 1,)
+        Ascending x in m of the lines along y.
+    y : ndarray, shape (ny + 1,)
+        Ascending y in m of the lines along x.
+    """
     columns, pitch = design.column_centres() if design.rows else np.empty(0), design.pitch_x_m
     if design.is_staggered:
         columns, pitch = np.sort(np.concatenate([columns, design.column_centres(1)])), pitch / 2.0

@@ -36,6 +36,13 @@ class CommandError(Exception):
 class InputError(CommandError):
     """The input is wrong; every line of `lines` names the place, the value and what is allowed.
 
+    Parameters
+    ----------
+    lines : str or iterable of str
+        One line per fault.
+
+    Examples
+    --------
     >>> import antinode
     >>> try:
     ...     antinode.load("examples/small.toml", pitch_mm=-4.0)

@@ -38,7 +38,20 @@ class OutOfMemory(TooLarge):
 
 
 def check_above_zero(what: str, *values: float) -> None:
-    """Raise SolverError unless every value is a finite number above 0."""
+    """Raise SolverError unless every value is a finite number above 0.
+
+    Parameters
+    ----------
+    what : str
+        Name of the values for the message.
+    *values : float
+        Values in any unit.
+
+    Raises
+    ------
+    SolverError
+        Naming the first that is not.
+    """
     for value in values:
         if not (isfinite(value) and value > 0.0):
             raise SolverError(f"{what} = {value:g}: must be a finite number above 0")
@@ -49,7 +62,27 @@ RESONANT = "the frequency is that of a lossless resonance: add a loss or move th
 
 
 def solved(matrix: NDArray[Any], load: NDArray[Any], trouble: str = RESONANT) -> NDArray[np.complex128]:
-    """The answer of a complex system, or of a stack of them; SolverError for a singular one."""
+    """Solve a complex system, or a stack of them.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (..., n, n)
+        The systems.
+    load : ndarray, shape (..., n, m)
+        Right-hand sides.
+    trouble : str, optional
+        Message for a singular system.
+
+    Returns
+    -------
+    ndarray, shape (..., n, m)
+        The solutions.
+
+    Raises
+    ------
+    SolverError
+        For a singular system.
+    """
     try:
         return np.asarray(np.linalg.solve(matrix, load), dtype=np.complex128)
     except np.linalg.LinAlgError:
@@ -57,14 +90,43 @@ def solved(matrix: NDArray[Any], load: NDArray[Any], trouble: str = RESONANT) ->
 
 
 def check_bounded(sizes: NDArray[np.float64], rad_s: NDArray[np.float64]) -> None:
-    """Raise SolverError for an answer (of size 1 far from a resonance) that is rounding noise at a lossless one."""
+    """Reject a solution that is rounding noise at a lossless resonance.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (n,)
+        Sizes of the solution, 1 far from a resonance.
+    rad_s : ndarray, shape (n,)
+        Angular frequencies, in rad/s.
+
+    Raises
+    ------
+    SolverError
+        Naming the frequency of the largest size beyond the bound.
+    """
     if not np.all(sizes <= UNBOUNDED):
         worst = rad_s[int(np.argmax(np.nan_to_num(sizes, nan=np.inf)))]
         raise SolverError(f"{RESONANT} (near {worst / (2.0 * pi):.9g} Hz)")
 
 
 def checked_frequencies(frequency: ArrayLike) -> NDArray[np.float64]:
-    """Frequencies as an array, of whatever unit and shape; SolverError unless all are finite and above 0."""
+    """Convert frequencies to an array.
+
+    Parameters
+    ----------
+    frequency : array_like, any shape
+        Frequencies in any unit.
+
+    Returns
+    -------
+    ndarray, shape of frequency
+        The same values.
+
+    Raises
+    ------
+    SolverError
+        Unless all are finite and above 0.
+    """
     checked = np.asarray(frequency, dtype=float)
     if not np.all(np.isfinite(checked) & (checked > 0.0)):
         raise SolverError("frequencies must be finite and above 0")

@@ -26,14 +26,25 @@ STATED = "ANTINODE_MEMORY_GIB"  # memory available, set by the user instead of m
 
 
 def workers() -> int:
-    """ANTINODE_THREADS, or every core."""
+    """Return the number of threads: ANTINODE_THREADS, or every core.
+
+    Returns
+    -------
+    int
+        At least 1.
+    """
     return int(os.environ.get(LIMIT, "0")) or (os.cpu_count() or 1)
 
 
 def available_bytes() -> float:
-    """Bytes that this process may still allocate within the machine, its control groups and its own limits.
+    """Measure the memory that this process may still allocate within the machine, its control groups and its own limits.
 
     The variable ANTINODE_MEMORY_GIB states it instead.
+
+    Returns
+    -------
+    float
+        In bytes.
     """
     with suppress(ValueError):
         stated = float(os.environ.get(STATED, "")) * 2**30
@@ -45,12 +56,31 @@ def available_bytes() -> float:
 
 
 def room_bytes() -> float:
-    """Bytes that a factorisation may take: a share of the available ones."""
+    """Return the memory that a factorisation may take: a share of the available one.
+
+    Returns
+    -------
+    float
+        In bytes.
+    """
     return MEMORY_SHARE * available_bytes()
 
 
 def memory_text(fault: MemoryError, doing: str = "") -> str:
-    """Message of one line for a MemoryError: the step, the size of the array if numpy reports it, and the remedy."""
+    """Write one line on a MemoryError: the step, the size of the array if numpy reports it, and the remedy.
+
+    Parameters
+    ----------
+    fault : MemoryError
+        The exception.
+    doing : str, optional
+        Step in which it occurred.
+
+    Returns
+    -------
+    str
+        The message.
+    """
     shape, kind = getattr(fault, "shape", None), getattr(fault, "dtype", None)
     request = ""
     if shape is not None and kind is not None:
@@ -63,14 +93,45 @@ def memory_text(fault: MemoryError, doing: str = "") -> str:
 
 
 def foresee(needed_bytes: float, dofs: int) -> int:
-    """Return the estimate in bytes. Raises TooLarge, with the estimate and a remedy, if it exceeds the memory."""
+    """Check that a factorisation fits into the memory.
+
+    Parameters
+    ----------
+    needed_bytes : float
+        Estimate.
+    dofs : int
+        Degrees of freedom, for the message.
+
+    Returns
+    -------
+    int
+        The estimate in bytes.
+
+    Raises
+    ------
+    TooLarge
+        With the estimate and a remedy, if it exceeds the memory.
+    """
     instead = "use a coarser mesh, a lower order, or model = superelement"
     check_room(needed_bytes, f"factorising {dofs} degrees of freedom needs", instead)
     return int(needed_bytes)
 
 
 def check_room(needed_bytes: float, what: str, instead: str) -> None:
-    """Raise TooLarge, with the estimate and a remedy, if the bytes exceed the memory."""
+    """Check that an amount of memory is available.
+
+    Parameters
+    ----------
+    needed_bytes : float
+        Estimate.
+    what, instead : str
+        Beginning of the message, and the remedy.
+
+    Raises
+    ------
+    TooLarge
+        With the estimate and the remedy, if it exceeds the memory.
+    """
     from solvers.errors import TooLarge
 
     room = room_bytes()
@@ -105,7 +166,13 @@ def give_back() -> None:
 
 
 def reported_peak_bytes() -> int | None:
-    """Largest resident size since the last restart, by the kernel; None if it does not report it."""
+    """Read the largest resident size since the last restart from the kernel.
+
+    Returns
+    -------
+    int or None
+        In bytes; None if the kernel does not report it.
+    """
     with suppress(OSError, StopIteration, ValueError):
         lines = Path("/proc/self/status").read_text().splitlines()
         return 1024 * int(next(line for line in lines if line.startswith("VmHWM")).split()[1])
@@ -113,7 +180,13 @@ def reported_peak_bytes() -> int | None:
 
 
 def peak_bytes() -> int:
-    """Peak resident size as above, else the process's largest size ever (getrusage, which may begin with the parent's)."""
+    """Return the largest resident size: the kernel's, else getrusage's, which may begin with the parent's.
+
+    Returns
+    -------
+    int
+        In bytes.
+    """
     text = reported_peak_bytes()
     if text is not None:
         return text
@@ -124,7 +197,13 @@ def peak_bytes() -> int:
 
 
 def resident_bytes() -> int:
-    """Resident size now."""
+    """Return the resident size of this process.
+
+    Returns
+    -------
+    int
+        In bytes.
+    """
     import psutil
 
     return int(psutil.Process().memory_info().rss)

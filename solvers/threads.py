@@ -59,12 +59,24 @@ _task = _Task()
 
 
 def threads() -> int:
-    """Threads a factorisation may use: one within a task that is one of several, else ANTINODE_THREADS, or every core."""
+    """Return the number of threads that a factorisation may use.
+
+    Returns
+    -------
+    int
+        1 within a task that is one of several, else ANTINODE_THREADS, or the number of cores.
+    """
     return 1 if _task.abandoned else workers()
 
 
 def raise_if_cancelled() -> None:
-    """Raise Cancelled within a task whose command was interrupted; called before every factorisation."""
+    """Stop a task whose command was interrupted; called before every factorisation.
+
+    Raises
+    ------
+    Cancelled
+        If the task is one of several that were interrupted.
+    """
     if _task.abandoned and _task.abandoned.is_set():
         raise Cancelled
 
@@ -72,9 +84,25 @@ def raise_if_cancelled() -> None:
 def parallel_map(
     function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0, room: float = float("inf")
 ) -> list[Result]:
-    """Call the function on every item, as many at once as threads and `room` bytes allow at `bytes_each` per item.
+    """Call the function on every item, several at once as far as threads and memory allow.
 
-    The first item's exception is raised, when all have ended. A task within a task, or one alone, runs where it is.
+    A task within a task, or one alone, runs where it is. The first item's exception is raised, when all have ended.
+
+    Parameters
+    ----------
+    function : callable
+        Called once per item, with one BLAS thread if there are several items.
+    items : iterable
+        Independent tasks.
+    bytes_each : float, optional
+        Memory per item in bytes; 0 sets no bound.
+    room : float, optional
+        Free memory in bytes.
+
+    Returns
+    -------
+    list
+        Results in the order of the items.
     """
     chosen = list(items)
     if len(chosen) < 2 or _task.abandoned:
@@ -156,7 +184,13 @@ _one_thread = _OneThread()
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Numpy's and scipy's linear algebra limited to one thread within the block: on small problems others only wait."""
+    """Limit the linear algebra of numpy and scipy to one thread within the block: on small problems others only wait.
+
+    Yields
+    ------
+    None
+        The limit is the process's; it ends when no thread needs it any more.
+    """
     _one_thread.hold()
     try:
         yield

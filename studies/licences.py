@@ -224,7 +224,7 @@ def lists() -> str:
             for family, _ in FAMILIES for name, one in packages.items() if one.family == family
         )),
         _table("Carried inside: terms beyond a notice", ("package", "inside", "terms"), (
-            (one.name, *inside[:2]) for one in packages.values() for inside in one.inside
+            (one.name, *inside[:2]) for one in packages.values() for inside in one.inside if "GCC-exception" not in inside[1]
         )),
     ]  # fmt: skip
     unknown = ", ".join(name for name, one in packages.items() if one.declared in ("UNKNOWN", "not declared"))

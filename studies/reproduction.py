@@ -51,6 +51,7 @@ ACTIVE = {"shaping": "shaping (chapter 3)", "dq": "closed loop (chapter 2)"}
 PILLARS_MM = {7.1: 32.0, 6.5: 35.0, 6.3: 38.0}
 NEAR = 0.02
 NOT_IN_THESIS, MIRRORED = ("not given", "not treated"), "confined right"
+FURTHER = "; (any voltages|on the mode|free wave)"  # of our own figures: where what the thesis does not have begins
 INTRODUCTION = """# The thesis' figures compared with ours
 
 *Design of controlled localized mechanical waves: application to haptics* is a doctoral thesis of the project HASAMé
@@ -59,6 +60,7 @@ stored studies ({studies}) and the models of `antinode active`. Our meshes have 
 nothing was tuned towards the thesis. "agrees" means within {near:.0%}, or the same verdict; for `antinode active`, within
 the digits of the text. These commands also print the reasons, and figures that the thesis does not give. The figures of
 `antinode active mason`, `pillar` and `beam` (chapters 1 and 3) are in [Errors in the thesis' formulas](thesis-errata.md).
+The outlook has its own studies, named in each section. In a "split" mode, several modes share the target shape.
 """
 HEADINGS = ("quantity", "thesis", "ours", "verdict")
 CENTRE_HZ = 34.6e3  # of the band of three rows of 6.2 mm
@@ -125,7 +127,10 @@ def active(model: str) -> list[Row]:
     command = [sys.executable, "-m", "pipeline.cli.main", "active", model, "--json", "-", "--quiet"]
     documents = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     given = (e for e in documents["comparison"] if e["thesis"] not in NOT_IN_THESIS)
-    rows = [(e["quantity"], e["thesis"], e["ours"], re.split("(?<! for):|;", e["agreement"])[0]) for e in given]
+    rows = [
+        (e["quantity"], e["thesis"], re.split(FURTHER, e["ours"])[0], re.split("(?<! for):|;", e["agreement"])[0])
+        for e in given
+    ]
     return [row for row in rows if not row[0].startswith(MIRRORED)]
 
 
@@ -254,6 +259,7 @@ class Wish:
     row: Callable[..., tuple[str, ...] | None]
     draw: Callable[[list[Record]], Figure]
     other: str = ""
+    listed: Callable[[Record], bool] = lambda record: True  # of the cases of the picture, those of the table
 
     def text(self, folder: Path) -> str:
         """The section, with its picture stored next to the page; empty if the study is not stored."""
@@ -265,7 +271,9 @@ class Wish:
         with style.style(), written_whole(PAGE.parent / picture) as temporary:
             self.draw([*rows.values()]).savefig(temporary, format="svg", bbox_inches="tight", metadata={"Date": None})
         words = f"{self.words} (`antinode run {self.study}`)."
-        body = outputs.markdown(self.headings.split(" | "), [*rows])
+        body = outputs.markdown(
+            self.headings.split(" | "), [row for row, record in rows.items() if self.listed(record)]
+        )
         return f"\n## Outlook: {self.title}\n\n{words}\n\n{body}\n![{self.title}]({picture})\n"
 
 
@@ -404,18 +412,20 @@ WISHES = (
     Wish(
         "touch",
         "vibration under a finger",
-        "Not in the thesis: amplitudes at the study's voltage, and the power of the patches for 1 um under the finger",
+        "Not in the thesis: amplitudes at the study's voltage, and the power of the patches for 1 um under the finger. The "
+        "picture also has the fingertips `light` and `tissue`",
         "design, fingertip | detuning (Hz) | free (um) | touched (um) | confinement free (dB) | touched (dB) | shaped "
         "(dB) | power in phase | power shaped",
         _of_touch,
         _by_power,
+        listed=lambda record: record.sweep.get("touch.impedance") == "finger",
     ),
     Wish(
         "glass",
         "tip masses on a cover glass",
         "Not in the thesis: glass 0.7 mm thick with a half-wavelength of 15 mm and at most 3 mm of height behind it. "
         "`antinode search` maximised the confinement above 25 kHz, for plain pillars and for pillars with a tip mass "
-        '(studies/glass-plate.toml). Levels have their error bars; in a "split" mode several modes share the target shape',
+        "(studies/glass-plate.toml)",
         "rows | pillars, width x height (mm) | tip masses (mm) | zone's width (mm) | target mode (kHz) | confinement (dB)",
         _of_glass,
         _by_rows("rows of", _pillars),
@@ -435,9 +445,9 @@ WISHES = (
     Wish(
         "travelling",
         "a travelling wave inside the zone",
-        "Six patches drive two modes a quarter period apart, for 1 um rms in the zone. The ratio is that of the pair, "
-        "then of any voltages. The power is the largest through a section, for the pair and with all patches in phase. "
-        "The last column is the largest crest speed under a resting finger, along the plate and against the wave",
+        "Six patches drive two modes a quarter period apart, for 1 um rms in the zone. Ratio and power (the largest through "
+        "a section) are those of the pair; the columns next to them have any voltages and all patches in phase. Crests: "
+        "largest crest speed under a resting finger, along the plate and against the wave",
         "rows | frequency (kHz) | ratio | any voltages | confinement (dB) | drive (V) | "
         "power (mW) | in phase (mW) | crests (mm/s)",
         _of_travel,
@@ -455,8 +465,7 @@ WISHES = (
         "faces",
         "pillars on both faces",
         "Every pillar of the thesis' plate has a mirror image on the touch face, with a margin of 25 mm and the same "
-        "heights. The stopped power is that of the rows alone, the confinement that of the whole plate with its target "
-        "mode. Levels have their error bars",
+        "heights. The stopped power is that of the rows alone",
         "rows | pillars on | 10 dB stopped (kHz) | target mode (kHz) | confinement (dB)",
         _of_faces,
         _by_rows("pillars on", _faces),
@@ -465,8 +474,7 @@ WISHES = (
         "staggered",
         "staggered rows",
         "Every other row is shifted by half a pitch along the zone, with a pitch of 5 mm and a margin of 25 mm. The gap "
-        'is the first complete one of the lattice. Levels have their error bars; in a "split" mode several modes share '
-        "the target shape",
+        "is the first complete one of the lattice",
         "rows | arrangement | gap (kHz) | target mode (kHz) | confinement (dB)",
         _of_staggered,
         _by_rows("rows stand", _stand),

@@ -1,11 +1,14 @@
 """docs/verification.md from the stored studies: `python -m studies.verification` after `make bench`.
 
 Nothing is computed here. The tables come from results/extremes and results/accuracy, without those of single models and
-cases. `python -m studies.benchmarks.before_after --write` adds the times of whole commands.
+cases. Those of the planner's meshes and of the references become files of results/reference. `python -m
+studies.benchmarks.before_after --write` adds the times of whole commands.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 import sys
 from pathlib import Path
@@ -26,8 +29,11 @@ whole plates. Faults planted on purpose must make them fail.
 ![Cell, the pillars' bending at M: relative error against wall time and memory by every model](pictures/error-against-time.svg)
 
 Circles are the meshes that `solve.accuracy` may choose; grey is the uncertainty of the reference. The report of
-`antinode run accuracy` has these pictures and a table of all models for every quantity, that of `antinode run
-extremes` every case.
+`antinode run accuracy` has these pictures, a table of all models for every quantity, and the references with their
+method. That of `antinode run extremes` has every case, and the errors of each element near Poisson's ratio 1/2, where
+displacement elements lock, low orders first. `results/reference/accuracy-meshes.csv` gives error and time of
+the planner's meshes: each is on the lower envelope of the picture, or misses it by less than the reference's
+uncertainty. References (`accuracy-references.csv`) have elements of order 4 and are extrapolated from three meshes.
 
 ![Error bar over true error of every frequency](pictures/error-bars.svg)
 
@@ -36,6 +42,9 @@ extremes` every case.
 FIGURE = PAGE.parent / "pictures" / "error-against-time.svg"
 STORED = Path("accuracy") / style.PICTURES / "accuracy_bending_at_M.svg"
 SINGLE = r"\| (model|case) \| (dofs|confinement)"  # the tables of single models and cases
+REFERENCE = PAGE.parents[1] / "results" / "reference"
+LEFT_OUT = ("Poisson's ratio: where elements lock",)
+FILES = {"The planner's meshes and the lower envelope": "accuracy-meshes.csv", "References": "accuracy-references.csv"}
 SPEED = "## Whole commands compared with an earlier commit"
 
 
@@ -57,11 +66,32 @@ def text(names: tuple[str, ...] = ("accuracy", "extremes")) -> str:
 
 
 def shortened(page: str, deeper: str = "") -> str:
-    """A report without pictures and without the tables of single models and cases; headings move `deeper`."""
+    """A report without pictures, tables of single models and cases, FILES and LEFT_OUT; headings move `deeper`."""
     lines = [line for line in page.splitlines() if not line.startswith("![")]
-    sections = re.split(r"^(?=#+ )", "\n".join(lines), flags=re.MULTILINE)
-    kept = [each for each in sections if not re.search(SINGLE, each)]
+    kept = [
+        each for each in _sections(lines) if not re.search(SINGLE, each) and _heading(each) not in {*FILES, *LEFT_OUT}
+    ]
     return "".join(re.sub("^#", f"{deeper}#", each) for each in kept).rstrip() + "\n"
+
+
+def csv_of(page: str) -> dict[str, str]:
+    """Tables of a report that become files, as CSV text by file name."""
+    result = {}
+    for section in _sections(page.splitlines()):
+        if name := FILES.get(_heading(section)):
+            rows = [line.strip("| ").split(" | ") for line in section.splitlines() if line.startswith("| ")]
+            out = io.StringIO()
+            csv.writer(out, lineterminator="\n").writerows(row for row in rows if set(row[0]) != {"-"})
+            result[name] = out.getvalue()
+    return result
+
+
+def _sections(lines: list[str]) -> list[str]:
+    return re.split(r"^(?=#+ )", "\n".join(lines), flags=re.MULTILINE)
+
+
+def _heading(section: str) -> str:
+    return section.partition("\n")[0].strip("# ")
 
 
 def main() -> int:
@@ -69,6 +99,8 @@ def main() -> int:
     try:
         _, speed, table = (PAGE.read_text() if PAGE.exists() else "").partition(SPEED)
         page, figure = text(), (RESULTS / STORED).read_bytes()
+        for name, table_text in csv_of((RESULTS / "accuracy" / "report.md").read_text()).items():
+            write_atomic(REFERENCE / name, table_text.encode())
         write_atomic(FIGURE, figure)
         write_atomic(PAGE, (page + ("\n" if speed else "") + speed + table).encode())
     except FileNotFoundError as fault:

@@ -7,7 +7,7 @@ author = "The Antinode authors"
 copyright = author
 version = release = version_of("antinode")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 source_suffix = {".md": "markdown"}
 root_doc = "index"
 exclude_patterns = ["site"]

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pictures
@@ -17,6 +18,8 @@ import reference
 from sphinx.application import Sphinx
 from sphinx.util.docutils import docutils_namespace
 from sphinx.util.inventory import InventoryFile
+
+import antinode
 
 ROOT = Path(__file__).resolve().parents[2]
 WORK = ROOT / "build" / "docs"
@@ -43,7 +46,7 @@ def pages(source: Path, with_pictures: bool = True) -> None:
 def build(source: Path, target: Path) -> list[str]:
     """Build the site and return its faults."""
     trees = WORK / "doctrees"
-    with docutils_namespace():
+    with docutils_namespace(), _public_names():
         site = Sphinx(source, Path(__file__).parent, target, trees, "html", freshenv=True, status=None)
         site.build()
     faults = [f"{site._warncount} warnings of Sphinx, above"] if site._warncount else []
@@ -54,6 +57,20 @@ def build(source: Path, target: Path) -> list[str]:
     return faults + [
         f"{key}: no meaning in keys.toml or fields.toml of docs/site, or no such key" for key in reference.unexplained()
     ]
+
+
+@contextmanager
+def _public_names() -> Iterator[None]:
+    """Give every class its public name: autodoc lists a class of another name as an alias, without its members."""
+    classes = {name: thing for name in reference.OWN if isinstance(thing := getattr(antinode, name), type)}
+    own = {name: thing.__name__ for name, thing in classes.items()}
+    try:
+        for name, thing in classes.items():
+            thing.__name__ = name
+        yield
+    finally:
+        for name, thing in classes.items():
+            thing.__name__ = own[name]
 
 
 def main(words: Sequence[str]) -> int:

@@ -185,8 +185,8 @@ def _kind(annotation: Any) -> str:
 
 
 def _summary(part: type) -> str:
-    """A docstring without its examples."""
-    return inspect.cleandoc(part.__doc__ or "").partition(">>>")[0].strip()
+    """A docstring without its sections and examples."""
+    return re.split(r">>>|^\w+\n---", inspect.cleandoc(part.__doc__ or ""), flags=re.MULTILINE)[0].strip()
 
 
 def commands() -> Iterator[str]:

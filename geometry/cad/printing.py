@@ -43,7 +43,22 @@ FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the same body gives the same bytes
 
 
 def write_stl(body: Body, path: str | os.PathLike[str], name: str = "body") -> None:
-    """Binary STL; the format has no unit, so the header says mm. Raises GeometryError for a bonded body."""
+    """Write a body as binary STL; the format has no unit, so the header says mm.
+
+    Parameters
+    ----------
+    body : Body
+        Body of one material.
+    path : str or Path
+        File to write.
+    name : str, optional
+        Name in the header.
+
+    Raises
+    ------
+    GeometryError
+        For a bonded body.
+    """
     import trimesh
 
     surface = _printable(body)
@@ -54,9 +69,25 @@ def write_stl(body: Body, path: str | os.PathLike[str], name: str = "body") -> N
 
 
 def write_3mf(body: Body, path: str | os.PathLike[str], metadata: Mapping[str, str]) -> None:
-    """3MF core model in mm with metadata (Title, Description, ... of the core specification).
+    """Write a body as a 3MF core model in mm.
 
-    Raises GeometryError for a bonded body or a metadata name the specification does not have. Source: 3mf2018.
+    Parameters
+    ----------
+    body : Body
+        Body of one material.
+    path : str or Path
+        File to write.
+    metadata : mapping of str
+        Texts by name: Title, Description, ... of the core specification.
+
+    Raises
+    ------
+    GeometryError
+        For a bonded body, or a metadata name that the specification does not have.
+
+    References
+    ----------
+    .. [1] 3mf2018 (docs/references.bib)
     """
     unknown = sorted(set(metadata) - METADATA)
     if unknown:
@@ -74,7 +105,22 @@ def write_3mf(body: Body, path: str | os.PathLike[str], metadata: Mapping[str, s
 
 
 def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> None:
-    """STEP AP214 in mm; parts of a bonded body stay separate solids. Raises GeometryError when the kernel refuses."""
+    """Write a body as STEP AP214 in mm; parts of a bonded body stay separate solids.
+
+    Parameters
+    ----------
+    body : Body
+        Body to write.
+    path : str or Path
+        File to write.
+    name : str, optional
+        Name of the product.
+
+    Raises
+    ------
+    GeometryError
+        If the CAD kernel cannot write the body.
+    """
     from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.Interface import Interface_Static
@@ -122,10 +168,26 @@ ON_BUILD_PLATE = 1e-6  # of the height
 
 @dataclass(frozen=True)
 class PrintReport:
-    """Measurements of an STL file printed with z up, SI units.
+    """Measurements of an STL file printed with z up, in SI units.
 
-    features: named lengths (m) that must be printed; overhang_deg: greatest angle of a downward face from the
-    vertical (0 without one, 90 for a ceiling); overhang_area_m2: downward faces beyond 45 degrees, build plate excepted.
+    Attributes
+    ----------
+    watertight : bool
+        Whether the surface is closed and consistently oriented.
+    bodies : int
+        Number of separate bodies.
+    volume_m3, cad_volume_m3 : float
+        Volumes of the file and of the CAD solid, in m^3.
+    features : dict of float
+        Lengths in m by name that must be printed.
+    overhang_deg : float
+        Largest angle of a downward face from the vertical: 0 without one, 90 for a ceiling.
+    overhang_area_m2 : float
+        Area of downward faces beyond 45 degrees, without those on the build plate.
+    extent_m : tuple of float
+        Sides of the bounding box.
+    mass_kg : float
+        Mass of the volume in the plate's material.
     """
 
     watertight: bool
@@ -165,7 +227,27 @@ class PrintReport:
 
 
 def check_print(stl: str | os.PathLike[str], body: Body, design: Design) -> PrintReport:
-    """Read an STL (mm, z up) back and compare it with its CAD body. Raises GeometryError if it cannot be read."""
+    """Read an STL file back and compare it with its CAD body.
+
+    Parameters
+    ----------
+    stl : str or Path
+        File in mm, z up.
+    body : Body
+        CAD body from which the file was written.
+    design : Design
+        Design of the body, for its features and its density.
+
+    Returns
+    -------
+    PrintReport
+        Measurements in SI units.
+
+    Raises
+    ------
+    GeometryError
+        If the file cannot be read or has no triangle.
+    """
     import trimesh
 
     try:
@@ -191,9 +273,20 @@ def check_print(stl: str | os.PathLike[str], body: Body, design: Design) -> Prin
 
 
 def features(design: Design) -> dict[str, float]:
-    """Lengths a printer must resolve, m: thickness, sizes of the pillar's shape, fillet, clear width between pillars.
+    """List the lengths that a printer must resolve.
 
-    Of a pillar from STEP only its foot, tip and height are known.
+    They are the thickness, the sizes of the pillar's shape, the fillet, and the clear widths between pillars. Of a
+    pillar from STEP, only foot, tip and height are known.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+
+    Returns
+    -------
+    dict of float
+        Lengths in m by name; of rows that differ, the smallest.
     """
     widths = {"plate thickness": design.thickness_m}
     pillar = design.pillar
@@ -213,9 +306,21 @@ def features(design: Design) -> dict[str, float]:
 
 
 def overhang(triangles: np.ndarray) -> tuple[float, float]:
-    """Greatest overhang angle (degrees from the vertical) of the downward triangles (n, 3, 3), and the area beyond 45.
+    """Measure the overhang of downward triangles.
 
-    Triangles that lie on the lowest plane rest on the build plate and do not count.
+    Triangles on the lowest plane rest on the build plate and do not count.
+
+    Parameters
+    ----------
+    triangles : ndarray, shape (n, 3, 3)
+        Corners of outward triangles, z up.
+
+    Returns
+    -------
+    angle : float
+        Largest angle from the vertical in degrees: 0 without a downward triangle, 90 for a ceiling.
+    area : float
+        Area of downward triangles beyond 45 degrees, in the square of the triangles' unit.
     """
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     areas = np.linalg.norm(normals, axis=1) / 2.0

@@ -42,9 +42,18 @@ class Box:
 class Body:
     """A CAD shape in mm with the data for a mesher, in m.
 
-    Plate from 0 to z = `thickness_m`, pillars above, or on both sides; the isolated pillar has thickness 0. `bonds` names the
-    parts ("pillar", "tip") of another material: `shape` is one cadquery solid without any, else solids that share their
-    contact faces. `tips` are the heavy tips whose material is not their pillar's.
+    The plate reaches from z = 0 to its thickness; pillars stand above it, or on both sides.
+
+    Attributes
+    ----------
+    shape : cadquery.Shape
+        One solid, or with `bonds` several solids that share their contact faces.
+    thickness_m : float
+        Thickness of the plate; 0 for the isolated pillar.
+    bonds : frozenset of str
+        Parts ("pillar", "tip") of a material other than that of the part below.
+    tips : tuple of Box
+        Heavy tips whose material is not their pillar's.
     """
 
     shape: Any
@@ -82,7 +91,21 @@ class Body:
 
 @dataclass(frozen=True)
 class CadFace:
-    """One face: its triangles, its exact surface, and whether it lies between two bonded solids."""
+    """One face of a CAD shape, lengths in mm.
+
+    Attributes
+    ----------
+    surface : ShapeAnalysis_Surface or None
+        Exact surface of a curved face; None for a plane.
+    corners : ndarray, shape (m, 3, 3)
+        Corners of its triangles.
+    inner : bool
+        Whether it lies between two bonded solids.
+    normal : ndarray, shape (3,), or None
+        Unit normal n of a plane n . x = offset; None for a curved face.
+    offset : float
+        Distance of a plane from the origin along its normal, in mm.
+    """
 
     surface: Any
     corners: FloatArray
@@ -175,9 +198,22 @@ class CadSurface:
 
 
 def pillar_solid(pillar: Pillar) -> Body:
-    """The isolated pillar, foot on z = 0, axis +z, fillet flare and heavy tip included.
+    """Build the isolated pillar: foot on z = 0, axis +z, with fillet and heavy tip.
 
-    Raises GeometryError when the shape or its fillet cannot be built, or the STEP file is not a pillar.
+    Parameters
+    ----------
+    pillar : Pillar
+        Shape and sizes in m.
+
+    Returns
+    -------
+    Body
+        The pillar, thickness 0; a tip of another material is bonded to it.
+
+    Raises
+    ------
+    GeometryError
+        If the shape or its fillet cannot be built, or the STEP file is not a pillar.
     """
     tips = _tips(PillarGroup(pillar, np.zeros((1, 2))), 0.0, "")
     if not tips:
@@ -187,20 +223,66 @@ def pillar_solid(pillar: Pillar) -> Body:
 
 
 def zone_solid(design: Design, mirrors: str = "") -> Body:
-    """The active zone as a bare strip, length x width x thickness, centred."""
+    """Build the active zone as a bare strip, length x width x thickness, centred.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    mirrors : {'', 'x', 'y', 'xy'}, optional
+        Axes along which only the positive side is kept.
+
+    Returns
+    -------
+    Body
+        The strip from z = 0 to the thickness.
+    """
     return Body(_block(design.length_m, design.width_m, design.thickness_m, mirrors), design.thickness_m)
 
 
 def cell_solid(design: Design, mirrors: str = "") -> Body:
-    """The unit cell, pitch_x x pitch_y x thickness, centred, its pillar in the middle; bare without a pillar."""
+    """Build the unit cell, pitch_x x pitch_y x thickness, centred, with its pillar in the middle.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built; the cell of a design without a pillar is bare.
+    mirrors : {'', 'x', 'y', 'xy'}, optional
+        Axes along which only the positive side is kept.
+
+    Returns
+    -------
+    Body
+        The cell.
+
+    Raises
+    ------
+    GeometryError
+        As `plate_solid`.
+    """
     stands = (PillarGroup(design.pillar, np.zeros((1, 2))),) if design.pillar else ()
     return _assemble(design, (design.pitch_x_m, design.pitch_y_m), stands, mirrors)
 
 
 def panel_solid(design: Design, panel: Panel) -> Body:
-    """A rectangular panel of the plate, its own middle at the origin, with its pillar where it has one.
+    """Build a rectangular panel of the plate with its pillar, if any, and its middle at the origin.
 
-    Along the axes that it lists as halved only the positive side is built. Errors as plate_solid.
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    panel : Panel
+        Corners and foot in m; along the axes in `halved` only the positive side is built.
+
+    Returns
+    -------
+    Body
+        The panel.
+
+    Raises
+    ------
+    GeometryError
+        As `plate_solid`.
     """
     size = np.array(panel.high) - np.array(panel.low)
     mirrors = "".join("xy"[axis] for axis in panel.halved)
@@ -210,16 +292,48 @@ def panel_solid(design: Design, panel: Panel) -> Body:
 
 
 def plate_solid(design: Design, mirrors: str = "") -> Body:
-    """The plate with its pillar rows; `mirrors` ("x", "y", "xy") keeps x >= 0 and/or y >= 0.
+    """Build the plate with its pillar rows.
 
-    A pillar column on a mirror is cut in half. Raises GeometryError when the parts do not make one body,
-    overlap, or a pillar is not symmetric in a mirror that cuts it.
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    mirrors : {'', 'x', 'y', 'xy'}, optional
+        Axes along which only the positive side is kept; a pillar on a mirror plane is cut in half.
+
+    Returns
+    -------
+    Body
+        The plate; pillars and tips of other materials are bonded to it.
+
+    Raises
+    ------
+    GeometryError
+        If the parts do not make one body or overlap, or if a pillar is not symmetric in a mirror that cuts it.
     """
     return _assemble(design, (design.length_m, 2.0 * design.half_span_m), design.standing(), mirrors)
 
 
 def part_solid(design: Design, part: str) -> Body:
-    """The whole zone, isolated pillar or plate."""
+    """Build one whole part of a design.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    part : {'zone', 'pillar', 'plate'}
+        The zone, the isolated pillar or the plate.
+
+    Returns
+    -------
+    Body
+        The part.
+
+    Raises
+    ------
+    GeometryError
+        As `pillar_solid` and `plate_solid`.
+    """
     if part == "pillar":
         assert design.pillar
         return pillar_solid(design.pillar)
@@ -227,11 +341,28 @@ def part_solid(design: Design, part: str) -> Body:
 
 
 def cad_surface(shape: Any, deflection: float, angle: float = ANGULAR_DEFLECTION) -> CadSurface:
-    """Triangulate a cadquery shape to a linear deflection (mm) and an angular one (rad between facets).
+    """Triangulate a CAD shape.
 
-    Raises MeshError for a shape without faces.
+    The shape is copied first, because the kernel would otherwise return a coarser triangulation that it already holds.
 
-    The shape is copied first: the kernel would silently hand back a coarser triangulation it already holds.
+    Parameters
+    ----------
+    shape : cadquery.Shape
+        Shape in mm.
+    deflection : float
+        Largest distance of a triangle from the surface, in mm.
+    angle : float, optional
+        Largest angle between the facets of a curve, in rad.
+
+    Returns
+    -------
+    CadSurface
+        Triangles in mm, each with its CAD face.
+
+    Raises
+    ------
+    MeshError
+        For a shape without faces.
     """
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 

@@ -103,7 +103,18 @@ class _Reading:
 def read_inp(file: Path) -> RawMesh:
     """Read nodes, elements of any solid kind, sets and surfaces.
 
-    Sets of elements and element surfaces become groups of cells, sets of nodes groups of nodes. Nodes stand in VTK's order.
+    Sets of elements and element surfaces become groups of cells, sets of nodes groups of nodes. Nodes stand in VTK's
+    order.
+
+    Parameters
+    ----------
+    file : Path
+        Input file of Abaqus or CalculiX.
+
+    Returns
+    -------
+    RawMesh
+        The mesh in the unit of the file.
 
     Raises
     ------

@@ -29,7 +29,7 @@ _FACES = ((0, 1, 2, 3), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0), 
 BY_CODE = {code: name for name, (_, code) in PROGRAMS.items() if code}
 
 
-def to_vtk(cell_type: str) -> IntArray:
+def _to_vtk(cell_type: str) -> IntArray:
     """MED's local node at each of VTK's places (medcoupling 9.15, Code_Aster's lrmtyp.F90). Source: med41."""
     places = PLACES[cell_type]
     if cell_type == "hexahedron27":
@@ -38,9 +38,21 @@ def to_vtk(cell_type: str) -> IntArray:
 
 
 def write_med(raw: RawMesh, path: str | os.PathLike[str], name: str) -> None:
-    """Write a mesh in m with its groups of cells and nodes; the file appears whole or not at all.
+    """Write a mesh with its groups of cells and nodes atomically.
 
-    Raises ModuleNotFoundError without h5py.
+    Parameters
+    ----------
+    raw : RawMesh
+        The mesh in m.
+    path : str or Path
+        File to write.
+    name : str
+        Name of the mesh in the file.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        Without h5py.
     """
     import h5py
 
@@ -75,7 +87,7 @@ def _write_block(cells: Any, cell_type: str, block: IntArray, family: IntArray) 
     group = cells.create_group(PROGRAMS[cell_type][1])
     number = 100 * DIMENSION[cell_type] + len(PLACES[cell_type])
     _attributes(group, {"CGT": 1, "CGS": 1, "PFL": NO_PROFILE, "GEO": number})
-    _data(group, "NOD", block[:, np.argsort(to_vtk(cell_type))].T.ravel() + 1, len(block))
+    _data(group, "NOD", block[:, np.argsort(_to_vtk(cell_type))].T.ravel() + 1, len(block))
     _data(group, "FAM", family, len(block))
 
 
@@ -121,9 +133,22 @@ def _write_families(file: Any, name: str, cells: Families, nodes: Families) -> N
 
 
 def read_med(path: str | os.PathLike[str]) -> RawMesh:
-    """The one mesh of a MED file.
+    """Read the only mesh of a MED file.
 
-    Raises MeshFileError if the file is not MED or holds no mesh, several, or one with a wrong index.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    RawMesh
+        The mesh in the unit of the file.
+
+    Raises
+    ------
+    MeshFileError
+        If the file is not MED, or does not hold exactly one mesh with valid indices.
     """
     import h5py
 
@@ -156,7 +181,7 @@ def _read(opened: Any, file: Path) -> RawMesh:
         size = int(group["NOD"].attrs["NBR"])
         name = BY_CODE.get(code, code)
         nodes = _columns(group["NOD"], size, len(PLACES[name]) if name in PLACES else None, file).astype(np.int64)
-        blocks.append((name, nodes[:, to_vtk(name)] - 1 if name in PLACES else nodes - 1))
+        blocks.append((name, nodes[:, _to_vtk(name)] - 1 if name in PLACES else nodes - 1))
         families.append(_family(group, size, file))
     cells, nodes_named = _names(opened, names[0], "ELEME", file), _names(opened, names[0], "NOEUD", file)
     node_groups = _grouped([_family(step["NOE"], count, file)], nodes_named)

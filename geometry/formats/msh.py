@@ -23,7 +23,20 @@ Groups = tuple[int, ...]  # numbers of the physical groups that an element is in
 
 
 def gmsh_places(cell_type: str) -> list[list[int]]:
-    """Corners behind each of Gmsh's nodes: in ascending order, but for faces and the last edges of a tetrahedron."""
+    """Return the corners that each of Gmsh's nodes is the middle of.
+
+    They stand in ascending order, except for faces and the last two edges of a tetrahedron.
+
+    Parameters
+    ----------
+    cell_type : str
+        Cell type, a key of PLACES.
+
+    Returns
+    -------
+    list of list of int
+        Local corners, in VTK's order, of each local node.
+    """
     places = [list(place) for place in PLACES[cell_type]]
     if cell_type == "tetra10":
         return [*places[:8], places[9], places[8]]
@@ -105,8 +118,18 @@ class _File:
 def read_msh(file: Path) -> RawMesh:
     """Read a mesh and its physical groups.
 
-    Groups of surfaces and volumes become groups of cells, those of curves and points groups of nodes. A group without a name is
-    called by dimension and number, such as "surface 12". Nodes stand in VTK's order.
+    Groups of surfaces and volumes become groups of cells, those of curves and points groups of nodes. A group without a
+    name is called by dimension and number, such as "surface 12". Nodes stand in VTK's order.
+
+    Parameters
+    ----------
+    file : Path
+        MSH file of version 2.2 or 4.1.
+
+    Returns
+    -------
+    RawMesh
+        The mesh in the unit of the file.
 
     Raises
     ------

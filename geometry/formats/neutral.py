@@ -32,7 +32,18 @@ FULL = {"hexahedron20": "hexahedron27", "wedge15": "wedge18", "pyramid13": "pyra
 
 
 def family(cell_type: str) -> str:
-    """The straight cell type with the same corners: tetra for tetra10."""
+    """Return the straight cell type with the same corners, such as tetra for tetra10.
+
+    Parameters
+    ----------
+    cell_type : str
+        Cell type, a key of PROGRAMS.
+
+    Returns
+    -------
+    str
+        Cell type of order 1.
+    """
     return cell_type.rstrip("0123456789")
 
 
@@ -63,13 +74,39 @@ MIRRORED = {
 
 
 def order_of(cell_type: str, places: Iterable[Iterable[int]]) -> IntArray:
-    """A program's local node at each of VTK's places, from VTK's corners that each of its nodes is the middle of."""
+    """Return a program's local node at each of VTK's places.
+
+    Parameters
+    ----------
+    cell_type : str
+        Cell type, a key of PLACES.
+    places : iterable of iterable of int
+        For each of the program's local nodes, the corners in VTK's order that it is the middle of.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Local nodes of the program, in VTK's order.
+    """
     known = [frozenset(place) for place in places]
     return np.array([known.index(frozenset(place)) for place in PLACES[cell_type]])
 
 
 def mirrored(cell_type: str, places: Rings) -> list[list[int]]:
-    """Places of an element seen in a mirror."""
+    """Return the places of an element seen in a mirror.
+
+    Parameters
+    ----------
+    cell_type : str
+        Type of a volume cell.
+    places : sequence of sequence of int
+        Corners behind each local node.
+
+    Returns
+    -------
+    list of list of int
+        Corners behind each local node, exchanged as the mirror exchanges them.
+    """
     return [[MIRRORED[family(cell_type)][corner] for corner in place] for place in places]
 
 
@@ -77,7 +114,18 @@ def mirrored(cell_type: str, places: Rings) -> list[list[int]]:
 
 
 def require_file(file: Path) -> None:
-    """Raise MeshFileError unless the path is a regular file: a device or a pipe may have no end."""
+    """Require a regular file: a device or a pipe may have no end.
+
+    Parameters
+    ----------
+    file : Path
+        Path to check.
+
+    Raises
+    ------
+    MeshFileError
+        For anything but a regular file.
+    """
     if not file.is_file():
         what = "not a regular file" if file.exists() else "no such mesh file"
         raise MeshFileError(f"{file}: {what}")
@@ -85,9 +133,20 @@ def require_file(file: Path) -> None:
 
 @dataclass(frozen=True)
 class RawMesh:
-    """Points (n, 3), blocks (cell type, nodes (m, k)), groups of cells {name: {block: cells}} and of nodes {name: nodes}.
+    """A mesh as other programs store it.
 
-    left_out: definitions in the file that would change the modes and are not read.
+    Attributes
+    ----------
+    points : ndarray, shape (n, 3)
+        Nodes in the unit of the file.
+    blocks : list of tuple
+        Cell type and nodes (m, k) of each block, in VTK's order.
+    cell_groups : dict of dict
+        Cells by name of the group and number of the block.
+    node_groups : dict of ndarray, shape (n,)
+        Nodes by name of the group.
+    left_out : tuple of str
+        Definitions in the file that would change the modes and are not read.
     """
 
     points: FloatArray
@@ -98,7 +157,20 @@ class RawMesh:
 
 
 def local_nodes(kind: str, order: int) -> IntArray:
-    """Our local node at each of VTK's places of a volume cell of order 1 or 2."""
+    """Return our local node at each of VTK's places of a volume cell.
+
+    Parameters
+    ----------
+    kind : {'hex', 'tet', 'wedge', 'pyramid'}
+        Shape of the element.
+    order : int
+        Order of the element, 1 or 2.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Our local nodes in VTK's order.
+    """
     corners = TOPOLOGY[kind].corners
     return element(kind, order).nodes_at(np.array([corners[list(p)].mean(axis=0) for p in PLACES[VOLUME[kind, order]]]))
 
@@ -113,16 +185,27 @@ class Facets:
 
 
 def outer_facets(mesh: Mesh) -> Facets:
-    """Facets that belong to one element."""
-    local = outward_faces(mesh)
+    """Find the facets that belong to one element only.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Hexahedra or tetrahedra of order 1 or 2.
+
+    Returns
+    -------
+    Facets
+        Outward facets in VTK's order.
+    """
+    local = _outward_faces(mesh)
     facets = mesh.cells[:, local].reshape(-1, local.shape[1])
-    keys = corner_keys(facets, 3 if mesh.kind == "tet" else 4)
+    keys = _corner_keys(facets, 3 if mesh.kind == "tet" else 4)
     _, index, counts = np.unique(keys, axis=0, return_index=True, return_counts=True)
     outer = np.sort(index[counts == 1])
     return Facets(facets[outer], outer // len(local), outer % len(local))
 
 
-def outward_faces(mesh: Mesh) -> IntArray:
+def _outward_faces(mesh: Mesh) -> IntArray:
     """Local nodes of each face of an element in VTK's order, seen from outside anticlockwise."""
     own = TOPOLOGY[mesh.kind]
     rings = own.corners[np.array(own.triangles or own.squares)]
@@ -130,13 +213,26 @@ def outward_faces(mesh: Mesh) -> IntArray:
     return mesh.element.nodes_at(np.stack([rings[:, list(place)].mean(axis=1) for place in places], axis=1))
 
 
-def corner_keys(facets: IntArray, corners: int) -> IntArray:
+def _corner_keys(facets: IntArray, corners: int) -> IntArray:
     """Sorted corner nodes, the same for both sides of a face."""
     return np.sort(facets[:, :corners], axis=1)
 
 
 def rows_in(rows: IntArray, table: IntArray) -> IntArray:
-    """Place of each row in `table` (unique rows), -1 if absent."""
+    """Find rows in a table.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (m, k)
+        Rows to look up.
+    table : ndarray, shape (n, k)
+        Distinct rows.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Place of each row in the table; -1 if absent.
+    """
     both, inverse = np.unique(np.vstack([table, rows]), axis=0, return_inverse=True)
     place = np.full(len(both), -1, dtype=np.int64)
     place[inverse[: len(table)]] = np.arange(len(table))
@@ -154,10 +250,31 @@ OFF_MIDDLE = 0.3  # of an edge: a node farther from its place than this is not t
 
 
 def placed_middles(points: FloatArray, cells: IntArray, cell_type: str, file: str) -> IntArray:
-    """The middle nodes of cells in VTK's order.
+    """Return the middle nodes of cells in VTK's order.
 
-    The format defines their order, which curved elements need; where a straight-edged mesh contradicts it, its writer followed
-    another convention, and each node goes to the middle that it lies at. Raises MeshFileError where neither fits.
+    The format defines their order, which curved elements need. Where a straight-edged mesh contradicts it, its writer
+    followed another convention, and each node goes to the middle that it lies at.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        Nodes, in any unit.
+    cells : ndarray, shape (m, k)
+        Corner nodes, then middle nodes.
+    cell_type : str
+        Cell type, a key of PLACES.
+    file : str
+        Name of the file, for the message.
+
+    Returns
+    -------
+    ndarray, shape (m, k - corners)
+        Middle nodes in VTK's order.
+
+    Raises
+    ------
+    MeshFileError
+        If a middle node lies outside its element and the nodes fit no order.
     """
     count = CORNER_COUNT[cell_type]
     corners, middles, places = cells[:, :count], cells[:, count:], PLACES[cell_type][count:]
@@ -179,9 +296,26 @@ def placed_middles(points: FloatArray, cells: IntArray, cell_type: str, file: st
 
 
 def completed(raw: RawMesh, file: str) -> RawMesh:
-    """The mesh with its square faces' and hexahedra's middles.
+    """Add the middles of square faces and hexahedra to cells without them.
 
-    A face keeps the middle that a complete neighbouring element names for it. Raises MeshFileError as `placed_middles`.
+    A face keeps the middle that a complete neighbouring element names for it.
+
+    Parameters
+    ----------
+    raw : RawMesh
+        Mesh as read.
+    file : str
+        Name of the file, for the message.
+
+    Returns
+    -------
+    RawMesh
+        The mesh with cells of 27, 18 and 14 nodes instead of 20, 15 and 13; others stay as they are.
+
+    Raises
+    ------
+    MeshFileError
+        As `placed_middles`.
     """
     if not any(kind in FULL and len(block) for kind, block in raw.blocks):
         return raw
@@ -191,7 +325,7 @@ def completed(raw: RawMesh, file: str) -> RawMesh:
         if kind not in FULL or not len(block):
             continue
         corners, edges = block[:, : CORNER_COUNT[kind]], placed_middles(points, block, kind, file)
-        own = corner_keys(corners[:, np.array(_squares(kind))].reshape(-1, 4), 4)
+        own = _corner_keys(corners[:, np.array(_squares(kind))].reshape(-1, 4), 4)
         places = np.stack([_face_middle(points, corners, edges, kind, face) for face in _squares(kind)], axis=1)
         keys, first = np.unique(np.vstack([keys, own]), axis=0, return_index=True)
         number = np.concatenate([nodes, np.full(len(own), -1)])[first]
@@ -226,7 +360,7 @@ def _named_middles(raw: RawMesh, file: str) -> tuple[IntArray, IntArray]:
         placed = placed_middles(raw.points, block, kind, file)
         for column, place in enumerate(PLACES[kind][CORNER_COUNT[kind] :]):
             if len(place) == 4:
-                keys.append(corner_keys(block[:, list(place)], 4))
+                keys.append(_corner_keys(block[:, list(place)], 4))
                 nodes.append(placed[:, column])
     distinct, first = np.unique(np.vstack(keys), axis=0, return_index=True)
     return distinct, np.concatenate(nodes)[first]

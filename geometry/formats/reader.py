@@ -45,13 +45,20 @@ COINCIDENT = 1e-6  # of the mesh's length: nodes of two bodies this close were m
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A mesh in our node order, with further findings about its file.
+    """A mesh in our node order, with findings about its file.
 
-    mesh: regions and faces named as the file's groups; elements of several kinds make a MixedMesh.
-    parts: bodies that share no node.
-    coincident: nodes that lie where a node of another body lies, within COINCIDENT of the mesh's length.
-    unused: nodes that belong to no element.
-    left_out: definitions that would change the modes and are not read, as the file names them.
+    Attributes
+    ----------
+    mesh : Mesh or MixedMesh
+        Mesh in m, with regions and faces named as the groups of the file.
+    parts : int
+        Number of bodies that share no node.
+    coincident : int
+        Number of nodes within COINCIDENT of the mesh's length from a node of another body.
+    unused : int
+        Number of nodes that belong to no element.
+    left_out : tuple of str
+        Definitions that would change the modes and are not read, as the file names them.
     """
 
     mesh: AnyMesh
@@ -68,10 +75,15 @@ def read_mesh(file: str, unit: str = "m", merge: float = 0.0) -> MeshFile:
     ----------
     file : str
         Path of a .med, .msh or .inp file.
-    unit : str
-        Unit of its lengths, "m" or "mm".
-    merge : float
-        Nodes closer than this, in the file's unit, become one; 0 leaves all as they are.
+    unit : {'m', 'mm'}, optional
+        Unit of its lengths.
+    merge : float, optional
+        Distance in the file's unit below which nodes become one; 0 leaves all as they are.
+
+    Returns
+    -------
+    MeshFile
+        The mesh in m, and findings about the file.
 
     Raises
     ------

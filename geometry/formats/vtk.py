@@ -18,10 +18,23 @@ SPACED = 2  # up to this order Gauss-Lobatto nodes are equally spaced, as VTK's 
 
 
 def write_vtu(mesh: Mesh, path: str | os.PathLike[str], point_data: Mapping[str, FloatArray] | None = None) -> None:
-    """Write a mesh (m), a `region` number per cell, and nodal fields of shape (n,) or (n, components), atomically.
+    """Write a mesh, a `region` number per cell and nodal fields atomically.
 
-    Complex fields become `name_re` and `name_im`. Hexahedra of order 3 and 4 are resampled at equally spaced nodes,
-    which VTK's Lagrange cells assume. Raises ValueError for a field that has not one row per node.
+    Hexahedra of order 3 and 4 are resampled at equally spaced nodes, which VTK's Lagrange cells assume.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh in m.
+    path : str or Path
+        File to write.
+    point_data : mapping of ndarray, optional
+        Fields by name, of shape (n,) or (n, components); complex ones become `name_re` and `name_im`.
+
+    Raises
+    ------
+    ValueError
+        For a field that does not have one row per node.
     """
     import meshio
 
@@ -61,10 +74,10 @@ def _vtk_cells(mesh: Mesh) -> tuple[str, IntArray]:
     """
     if mesh.kind == "tet":
         return {1: "tetra", 2: "tetra10"}[mesh.order], np.arange(mesh.cells.shape[1])
-    return "hexahedron" if mesh.order == 1 else "VTK_LAGRANGE_HEXAHEDRON", vtk_hexahedron_nodes(mesh.order)
+    return "hexahedron" if mesh.order == 1 else "VTK_LAGRANGE_HEXAHEDRON", _vtk_hexahedron_nodes(mesh.order)
 
 
-def vtk_hexahedron_nodes(order: int) -> IntArray:
+def _vtk_hexahedron_nodes(order: int) -> IntArray:
     """Our local node (x fastest) at each place of VTK's hexahedron: corners, edges, faces, inside.
 
     The last two edges stand as in VTU files of version 0.1 and 1.0, the only ones meshio writes: VTK's reader exchanges
@@ -89,9 +102,27 @@ CELL_TYPES = {3: 5, 4: 9}  # VTK's triangle and quadrilateral by their corners
 def write_steps(
     path: str | os.PathLike[str], points: FloatArray, facets: IntArray, steps: FloatArray, name: str, fields: FloatArray
 ) -> None:
-    """Write points (p, 3), facets (m, 3 or 4) and the field `name` (steps, p, 3) at the values `steps` (steps,), atomically.
+    """Write a moving surface atomically as VTKHDF, with one field per step.
 
-    Raises KeyError for facets of other corners.
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+    points : ndarray, shape (p, 3)
+        Vertices at rest, in m.
+    facets : ndarray, shape (m, 3) or (m, 4)
+        Vertices of each facet.
+    steps : ndarray, shape (steps,)
+        Values that ParaView shows as time, such as frequencies.
+    name : str
+        Name of the field.
+    fields : ndarray, shape (steps, p, 3)
+        Values of the field, stored in single precision.
+
+    Raises
+    ------
+    KeyError
+        For facets with another number of corners.
     """
     import h5py
 

@@ -46,12 +46,25 @@ class Boxes:
 
 
 def hex_mesh(boxes: Boxes, order: int) -> Mesh:
-    """Mesh of every solid box, with the faces touch, back, x-, x+, y-, y+ of the lowest body.
+    """Mesh every solid box of a grid by one hexahedron.
 
-    `touch` is the lowest body's underside where nothing hangs; `back`, its top, is not named, since pillars stand there.
+    Faces are x-, x+, y-, y+ and top on the sides of the grid, and touch, the underside of the lowest body where nothing
+    hangs.
+
+    Parameters
+    ----------
+    boxes : Boxes
+        Grid with the solid boxes marked.
+    order : int
+        Order of the elements, 1 to 4.
+
+    Returns
+    -------
+    Mesh
+        Hexahedra in m, with a region per body.
     """
     solid, full = _solid_elements(boxes, order)
-    lines = [nodal_line(axis, order) for axis in (boxes.x, boxes.y, boxes.z)]
+    lines = [_nodal_line(axis, order) for axis in (boxes.x, boxes.y, boxes.z)]
     counts = [len(line) for line in lines]
     used, cells = np.unique(full, return_inverse=True)
     cells = cells.reshape(len(solid), -1).astype(np.int64)
@@ -75,12 +88,12 @@ def _solid_elements(boxes: Boxes, order: int) -> tuple[IntArray, IntArray]:
     return solid, full.reshape(len(solid), -1)
 
 
-def used_nodes(boxes: Boxes, order: int) -> IntArray:
+def _used_nodes(boxes: Boxes, order: int) -> IntArray:
     """Numbers in the full grid of the nodes of `hex_mesh`, in its order, x fastest."""
     return np.unique(_solid_elements(boxes, order)[1])
 
 
-def nodal_line(lines: FloatArray, order: int) -> FloatArray:
+def _nodal_line(lines: FloatArray, order: int) -> FloatArray:
     """Coordinates of the nodes of elements of an order along one axis."""
     inner = (gauss_lobatto(order) + 1.0) / 2.0
     steps = lines[:-1, None] + np.diff(lines)[:, None] * inner[None, :-1]
@@ -108,7 +121,18 @@ def _outer_faces(mesh: Mesh, boxes: Boxes, solid: IntArray) -> dict[str, IntArra
 
 
 def boxes_of(scene: Scene) -> Boxes:
-    """The tensor grid of a scene, with its solid boxes marked."""
+    """Make the tensor grid of a scene, with its solid boxes marked.
+
+    Parameters
+    ----------
+    scene : Scene
+        Breakpoints in m, gradings and feet.
+
+    Returns
+    -------
+    Boxes
+        Grid in m.
+    """
     lines_x, lines_y = grid_lines(scene.x, scene.across), grid_lines(scene.y, scene.across)
     z = grid_lines(scene.z, scene.through)
     layers = len(z) - 1
@@ -169,16 +193,33 @@ SAME = 1e-9  # a weight below is zero: the point lies on a node or on a line of 
 
 
 def interpolation(coarse: Boxes, fine: Boxes, order: int, coarse_order: int | None = None) -> csr_array:
-    """Matrix (fine nodes, coarse nodes) that carries a field exactly from a mesh of boxes to one of `order` nested in it.
+    """Build the matrix that carries a field exactly from a mesh of boxes to one nested in it.
 
-    Raises MeshError where the coarse mesh does not cover a node of the fine one.
+    Parameters
+    ----------
+    coarse, fine : Boxes
+        Grids; every line of the coarse one is a line of the fine one.
+    order : int
+        Order of the fine mesh.
+    coarse_order : int, optional
+        Order of the coarse mesh, at most `order`; `order` by default.
+
+    Returns
+    -------
+    csr_array, shape (fine nodes, coarse nodes)
+        Values of the coarse shape functions at the fine nodes.
+
+    Raises
+    ------
+    MeshError
+        If the coarse mesh does not cover a node of the fine one.
     """
     lower = coarse_order or order
     lines = [
         _along_a_line(one, other, lower, order)
         for one, other in zip((coarse.x, coarse.y, coarse.z), (fine.x, fine.y, fine.z), strict=True)
     ]
-    own, theirs = used_nodes(fine, order), used_nodes(coarse, lower)
+    own, theirs = _used_nodes(fine, order), _used_nodes(coarse, lower)
     counts = [len(line[0]) for line in lines]
     columns, weights = np.zeros((len(own), 1), dtype=np.int64), np.ones((len(own), 1))
     stride = 1
@@ -200,7 +241,7 @@ def _along_a_line(
     coarse: FloatArray, fine: FloatArray, order: int, fine_order: int
 ) -> tuple[IntArray, FloatArray, int]:
     """Coarse nodes and weights (fine nodes, order + 1) along one axis, and the number of coarse nodes."""
-    inner, points = (gauss_lobatto(order) + 1.0) / 2.0, nodal_line(fine, fine_order)
+    inner, points = (gauss_lobatto(order) + 1.0) / 2.0, _nodal_line(fine, fine_order)
     element = np.clip(np.searchsorted(coarse, points, side="right") - 1, 0, len(coarse) - 2)
     local = (points - coarse[element]) / np.diff(coarse)[element]
     if local.min() < -SAME or local.max() > 1.0 + SAME:

@@ -36,10 +36,18 @@ FLUSH_M = 1e-9
 
 @dataclass(frozen=True)
 class Patch:
-    """A rectangle of elements in plan: lines of its own two coordinates, and what takes these to places, m.
+    """A rectangle of elements in plan, with coordinates u and v of its own.
 
-    inside (nu, nv): whether the pillar stands on an element; block: whether the patch belongs to the block about the foot,
-    along x and along y.
+    Attributes
+    ----------
+    u, v : ndarray, shape (nu + 1,) or (nv + 1,)
+        Ascending lines of its coordinates.
+    place : callable
+        Map of coordinates u (n,) and v (n,) to places (n, 2).
+    inside : ndarray, shape (nu, nv)
+        1 for elements on which the pillar stands, else 0.
+    block : tuple of bool
+        Whether the patch belongs to the block about the foot, along x and along y.
     """
 
     u: FloatArray
@@ -51,20 +59,38 @@ class Patch:
 
 @dataclass(frozen=True)
 class PlanLines:
-    """Lines of the patches of a quadrant, each from 0 to 1: around a foot, inside it towards its rim, from its rim to the
-    edge of the block; and those of the plate beyond the block along x and y, m, a single one where there is none.
+    """Lines of the patches of a quadrant, each from 0 to 1 except for those of the plate.
+
+    Attributes
+    ----------
+    turn : ndarray, shape (n,)
+        Lines around a foot.
+    inner : ndarray, shape (n,)
+        Lines inside the foot towards its rim.
+    fill : ndarray, shape (n,)
+        Lines from the rim to the edge of the block.
+    plate : tuple of ndarray, shape (n,)
+        Lines of the plate beyond the block along x and y, in m; a single line without such a plate.
     """
 
     turn: FloatArray
     inner: FloatArray
     fill: FloatArray
-    beside: tuple[FloatArray, FloatArray] = (np.empty(0), np.empty(0))
+    plate: tuple[FloatArray, FloatArray] = (np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True)
 class PatchedMesh:
-    """A mesh, the grids of boxes that its patches were before they were put in place, and the number in the mesh of each of
-    their nodes.
+    """A mesh of joined patches.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The mesh.
+    boxes : tuple of Boxes
+        Grid of each patch in its own coordinates, before it was put in place.
+    numbers : tuple of ndarray, shape (n,)
+        Numbers in the mesh of the nodes of each grid.
     """
 
     mesh: Mesh
@@ -90,7 +116,10 @@ class PillarChange:
 
 @dataclass(frozen=True)
 class VariedPanel:
-    """A panel with a pillar, meshed together with its mirror image about each of the axes `opened` that it is halved along."""
+    """A panel with a pillar that may change.
+
+    It is meshed together with its mirror image about each axis in `opened`; the panel must be halved along these.
+    """
 
     panel: Panel
     thickness_m: float
@@ -114,9 +143,9 @@ class VariedPanel:
         if self.pillar.form.plan not in PLANS:
             return self._shifted(shifts, change)
         grown, shift_m = 1.0 + change.side_m / self.pillar.base_m, (change.x_m, change.y_m)
-        patches = foot_patches(self._whole, self.pillar, self.settings, grown, shift_m)
-        z = lines_along_z(self.thickness_m, self.pillar, self.settings)
-        return relaid(self._patched, patches, self._raised(z, change), self.thickness_m)
+        patches = _foot_patches(self._whole, self.pillar, self.settings, grown, shift_m)
+        z = _lines_along_z(self.thickness_m, self.pillar, self.settings)
+        return _relaid(self._patched, patches, self._raised(z, change), self.thickness_m)
 
     def _raised(self, z: FloatArray, change: PillarChange) -> FloatArray:
         """Places along z, those above the plate stretched to the changed height."""
@@ -139,7 +168,7 @@ class VariedPanel:
             boxes = unfolded(boxes, axis)
         taper = 1.0 if self.pillar.is_made_of_boxes else self.pillar.form.taper
         mesh = hex_mesh(boxes, self.settings.order)
-        return leaning(mesh, foot_from_middle(self.panel), self.thickness_m, self.pillar.height_m, taper)
+        return leaning(mesh, _foot_from_middle(self.panel), self.thickness_m, self.pillar.height_m, taper)
 
     def _shifted(self, shifts: tuple[_Shift, _Shift], change: PillarChange) -> Mesh:
         """Lines along the axes go along with the foot: the plate's nodes piecewise linearly between the panel's sides and the
@@ -166,7 +195,7 @@ class _Shift:
         """A foot flush with a side stays so and grows to the other side."""
         edge = (panel.high[axis] - panel.low[axis]) / 2.0
         half, grown = pillar.form.extent_m()[axis] / 2.0, 1.0 + change.side_m / pillar.base_m
-        ends, centre = np.array([-half, half]), foot_from_middle(panel)[axis]
+        ends, centre = np.array([-half, half]), _foot_from_middle(panel)[axis]
         feet, moved = centre + ends, centre + (change.x_m, change.y_m)[axis] + grown * ends
         flush = np.abs(np.abs(feet) - edge) < FLUSH_M
         if flush.any():
@@ -188,12 +217,38 @@ class _Shift:
 
 
 def straight(u: FloatArray, v: FloatArray) -> FloatArray:
-    """A patch whose coordinates are places."""
+    """Place a patch whose coordinates are places.
+
+    Parameters
+    ----------
+    u, v : ndarray, shape (n,)
+        Coordinates x and y.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Places.
+    """
     return np.column_stack([u, v])
 
 
 def disc(radius: float, block: tuple[float, float], lines: PlanLines) -> Iterator[Patch]:
-    """The quadrant x, y >= 0 about a round foot: its middle, a ring, the rest of the block, and the surrounding plate."""
+    """Yield the patches of the quadrant x, y >= 0 about a round foot: middle, ring, rest of the block, plate.
+
+    Parameters
+    ----------
+    radius : float
+        Radius of the foot, in the unit of `lines` (m in `panel_mesh`).
+    block : tuple of float
+        Half-widths of the block about the foot along x and y, in the same unit.
+    lines : PlanLines
+        Lines of the patches.
+
+    Yields
+    ------
+    Patch
+        A patch about the foot's centre.
+    """
     turn = lines.turn
 
     def middle(u: FloatArray, v: FloatArray) -> FloatArray:
@@ -212,7 +267,22 @@ def disc(radius: float, block: tuple[float, float], lines: PlanLines) -> Iterato
 
 
 def hexagon(flat: float, block: tuple[float, float], lines: PlanLines) -> Iterator[Patch]:
-    """The quadrant x, y >= 0 about a hexagonal foot with flats at y = +-`flat`, whose quarter has four corners of its own."""
+    """Yield the patches of the quadrant x, y >= 0 about a hexagonal foot, whose quarter is one patch of four corners.
+
+    Parameters
+    ----------
+    flat : float
+        Distance of the flats y = +-flat from the centre, in the unit of `lines` (m in `panel_mesh`).
+    block : tuple of float
+        Half-widths of the block about the foot along x and y, in the same unit.
+    lines : PlanLines
+        Lines of the patches.
+
+    Yields
+    ------
+    Patch
+        A patch about the foot's centre.
+    """
     corner, inner = CORNERS * flat, lines.inner
 
     def quarter(u: FloatArray, v: FloatArray) -> FloatArray:
@@ -224,14 +294,27 @@ def hexagon(flat: float, block: tuple[float, float], lines: PlanLines) -> Iterat
 
 
 def beside(under_x: FloatArray, under_y: FloatArray, lines: tuple[FloatArray, FloatArray]) -> Iterator[Patch]:
-    """The plate around a block whose edges have these lines: both arms and the corner."""
+    """Yield the patches of the plate around a block: two arms and the corner.
+
+    Parameters
+    ----------
+    under_x, under_y : ndarray, shape (n,)
+        Lines of the block's edges along x and y.
+    lines : tuple of ndarray, shape (m,)
+        Lines beyond the block along x and y; fewer than two where there is no plate.
+
+    Yields
+    ------
+    Patch
+        A straight patch without a pillar.
+    """
     x, y = lines
     for u, v, block in ((x, under_y, (False, True)), (under_x, y, (True, False)), (x, y, (False, False))):
         if len(u) > 1 and len(v) > 1:
             yield Patch(u, v, straight, _filled(u, v), block)
 
 
-def reflected(patch: Patch, signs: tuple[int, int], origin: FloatArray) -> Patch:
+def _reflected(patch: Patch, signs: tuple[int, int], origin: FloatArray) -> Patch:
     """The mirror image of a patch in the axes whose sign is -1, about an origin (2,); its elements keep their handedness."""
     place, flip = patch.place, signs[0] * signs[1]
 
@@ -244,8 +327,23 @@ def reflected(patch: Patch, signs: tuple[int, int], origin: FloatArray) -> Patch
 
 
 def leaning(mesh: Mesh, centre: FloatArray, thickness: float, height: float, taper: float) -> Mesh:
-    """The mesh with the pillar about a centre (2,), and its image below the plate, narrowed or widened linearly, to `taper`
-    times its width at its height.
+    """Taper the pillar of a mesh, and its image below the plate, linearly with its height.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh with a prismatic pillar.
+    centre : ndarray, shape (2,)
+        Centre of the foot, in the unit of the mesh.
+    thickness, height : float
+        Thickness of the plate and height of the pillar, in the same unit.
+    taper : float
+        Width of the pillar at its height, relative to its foot.
+
+    Returns
+    -------
+    Mesh
+        Mesh with moved nodes and without `spans`; the mesh itself for a taper of 1.
     """
     if taper == 1.0:
         return mesh
@@ -255,10 +353,30 @@ def leaning(mesh: Mesh, centre: FloatArray, thickness: float, height: float, tap
 
 
 def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) -> PatchedMesh:
-    """One mesh of all patches pulled up along z, nodes in the same place made one; the pillar stands above the thickness and
-    hangs below 0.
+    """Extrude patches along z and join them into one mesh.
 
-    MeshError where two patches do not meet node for node.
+    Nodes in the same place become one. The pillar stands above the thickness and hangs below 0.
+
+    Parameters
+    ----------
+    patches : list of Patch
+        Patches in plan, which meet node for node.
+    z : ndarray, shape (n,)
+        Ascending lines along z, in the unit of the patches.
+    thickness : float
+        Thickness of the plate, in the same unit.
+    order : int
+        Order of the elements, 1 to 4.
+
+    Returns
+    -------
+    PatchedMesh
+        The mesh, and the grid and node numbers of each patch.
+
+    Raises
+    ------
+    MeshError
+        If two patches do not meet node for node.
     """
     grids = tuple(boxes_of_patch(patch, z, thickness) for patch in patches)
     own = [hex_mesh(grid, order) for grid in grids]
@@ -283,7 +401,7 @@ def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) ->
     return PatchedMesh(mesh, grids, numbers)
 
 
-def relaid(still: PatchedMesh, patches: list[Patch], z: FloatArray, thickness: float) -> Mesh:
+def _relaid(still: PatchedMesh, patches: list[Patch], z: FloatArray, thickness: float) -> Mesh:
     """The mesh with its nodes where other patches, as many and cut alike, and other lines along z put them."""
     mesh, nodes = still.mesh, np.empty_like(still.mesh.nodes)
     for patch, own in zip(patches, still.numbers, strict=True):
@@ -292,7 +410,22 @@ def relaid(still: PatchedMesh, patches: list[Patch], z: FloatArray, thickness: f
 
 
 def boxes_of_patch(patch: Patch, z: FloatArray, thickness: float) -> Boxes:
-    """The grid of a patch in its own two coordinates and z."""
+    """Make the grid of a patch in its own two coordinates and z.
+
+    Parameters
+    ----------
+    patch : Patch
+        Patch in plan.
+    z : ndarray, shape (n,)
+        Ascending lines along z.
+    thickness : float
+        Thickness of the plate, in the unit of z.
+
+    Returns
+    -------
+    Boxes
+        Grid with regions plate and pillar.
+    """
     middle = (z[1:] + z[:-1]) / 2.0
     region = np.where((middle > thickness) | (middle < 0.0), np.where(patch.inside[:, :, None] > 0.0, 1, -1), 0)
     return Boxes(patch.u, patch.v, z, region, ("plate", "pillar"))
@@ -305,9 +438,28 @@ PLANS: dict[str, tuple[Quadrant, tuple[float, float]]] = {
 
 
 def panel_mesh(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> PatchedMesh:
-    """A rectangular panel, its own middle at the origin, with its pillar where it has one.
+    """Mesh a rectangular panel with its pillar, if any, and its middle at the origin.
 
-    MeshError for a pillar or a place that hexahedra cannot follow.
+    Parameters
+    ----------
+    panel : Panel
+        Corners and foot in m; along the axes in `halved` only the positive side is meshed.
+    thickness_m : float
+        Thickness of the plate in m.
+    pillar : Pillar or None
+        Pillar of a panel that does not name its own.
+    settings : HexSettings
+        Order, element sizes and grading.
+
+    Returns
+    -------
+    PatchedMesh
+        The mesh in m, and the grid and node numbers of each patch.
+
+    Raises
+    ------
+    MeshError
+        For a pillar or a place that hexahedra cannot follow.
     """
     own = panel.pillar or pillar
     if panel.foot is None or own is None or own.is_made_of_boxes:
@@ -316,14 +468,30 @@ def panel_mesh(panel: Panel, thickness_m: float, pillar: Pillar | None, settings
         raise MeshError(f"hexahedra cannot follow a {own.shape} pillar in a panel of this size")
     if own.form.plan == "rectangle":
         prism = _of_boxes(replace(panel, pillar=square_of(own)), thickness_m, None, settings)
-        frustum = leaning(prism.mesh, foot_from_middle(panel), thickness_m, own.height_m, own.form.taper)
+        frustum = leaning(prism.mesh, _foot_from_middle(panel), thickness_m, own.height_m, own.form.taper)
         return replace(prism, mesh=frustum)
-    z = lines_along_z(thickness_m, own, settings)
-    return joined(foot_patches(panel, own, settings), z, thickness_m, settings.order)
+    z = _lines_along_z(thickness_m, own, settings)
+    return joined(_foot_patches(panel, own, settings), z, thickness_m, settings.order)
 
 
 def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> csr_array:
-    """Matrix (fine nodes, coarse nodes) that carries a field from a panel's mesh to a finer one nested in the same lines."""
+    """Build the matrix that carries a field from a panel's mesh to a finer one nested in the same lines.
+
+    Parameters
+    ----------
+    coarse, fine : PatchedMesh
+        Meshes of the same patches.
+
+    Returns
+    -------
+    csr_array, shape (fine nodes, coarse nodes)
+        Values of the coarse shape functions at the fine nodes.
+
+    Raises
+    ------
+    MeshError
+        If the meshes are not nested.
+    """
     shape = len(fine.mesh.nodes), len(coarse.mesh.nodes)
     rows, columns, weights, known = [], [], [], np.zeros(shape[0], dtype=bool)
     for one, other, own, theirs in zip(coarse.boxes, fine.boxes, fine.numbers, coarse.numbers, strict=True):
@@ -339,7 +507,20 @@ def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> csr_array:
 
 
 def has_room(panel: Panel, pillar: Pillar) -> bool:
-    """Whether the panel leaves elements about its foot some plate between rim and side."""
+    """Check that elements about a foot have some plate between rim and side.
+
+    Parameters
+    ----------
+    panel : Panel
+        Corners and foot in m.
+    pillar : Pillar
+        Pillar on the foot.
+
+    Returns
+    -------
+    bool
+        True also for a bare panel, and for a foot that follows the lines of the grid.
+    """
     if pillar.form.plan not in PLANS or panel.foot is None:
         return True
     _, rim = PLANS[pillar.form.plan]
@@ -348,13 +529,24 @@ def has_room(panel: Panel, pillar: Pillar) -> bool:
 
 
 def square_of(pillar: Pillar) -> Pillar:
-    """A square prism as wide as a pillar's foot and as high; the pillar itself where it is made of boxes."""
+    """Return the square prism with a pillar's height and the width of its foot.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        Any pillar.
+
+    Returns
+    -------
+    Pillar
+        The prism; the pillar itself if it is made of boxes.
+    """
     if pillar.is_made_of_boxes:
         return pillar
     return replace(pillar, shape=Square.name, tip_m=pillar.base_m, fillet_m=0.0, file=None, more_m=())
 
 
-def foot_patches(
+def _foot_patches(
     panel: Panel, pillar: Pillar, settings: HexSettings, grown: float = 1.0, shift_m: tuple[float, float] = (0.0, 0.0)
 ) -> list[Patch]:
     """Quadrants about the foot, as many as the panel is not halved along.
@@ -362,20 +554,20 @@ def foot_patches(
     Of a pillar `grown` times as wide that stands off its place by `shift_m` the same patches, in the same block of the plate.
     """
     quadrant, rim = PLANS[pillar.form.plan]
-    half, origin, grading, patches = pillar.base_m / 2.0, foot_from_middle(panel), settings.grading, []
+    half, origin, grading, patches = pillar.base_m / 2.0, _foot_from_middle(panel), settings.grading, []
     x_ends, y_ends = _ends(panel)
     places = [((x, y), (x_end, y_end)) for x, x_end in x_ends.items() for y, y_end in y_ends.items()]
     blocks = [_block(half, rim, ends) for _, ends in places]
     shared = _lines(half, rim, blocks, grading)  # quadrants meet along the axes
     for (signs, ends), block in zip(places, blocks, strict=True):
         less = signs[0] * shift_m[0], signs[1] * shift_m[1]
-        beside = _beyond(block[0], ends[0], grading) - less[0], _beyond(block[1], ends[1], grading) - less[1]
-        own = quadrant(grown * half, (block[0] - less[0], block[1] - less[1]), replace(shared, beside=beside))
-        patches += [reflected(patch, signs, origin + np.array(shift_m)) for patch in own]
+        plate = _beyond(block[0], ends[0], grading) - less[0], _beyond(block[1], ends[1], grading) - less[1]
+        own = quadrant(grown * half, (block[0] - less[0], block[1] - less[1]), replace(shared, plate=plate))
+        patches += [_reflected(patch, signs, origin + np.array(shift_m)) for patch in own]
     return patches
 
 
-def lines_along_z(thickness_m: float, pillar: Pillar, settings: HexSettings) -> FloatArray:
+def _lines_along_z(thickness_m: float, pillar: Pillar, settings: HexSettings) -> FloatArray:
     """Lines through the plate and along its pillar, and along its mirror image below."""
     both, high = pillar.faces == 2, thickness_m + pillar.height_m
     z = grid_lines({0.0: both, thickness_m: True}, settings.through_grading(thickness_m))
@@ -384,14 +576,32 @@ def lines_along_z(thickness_m: float, pillar: Pillar, settings: HexSettings) -> 
     return np.concatenate([below, z, along[1:]])
 
 
-def foot_from_middle(panel: Panel) -> FloatArray:
+def _foot_from_middle(panel: Panel) -> FloatArray:
     """The foot's centre from the panel's middle, (2,) m."""
     assert panel.foot is not None
     return np.array(panel.foot) - np.array(panel.middle)
 
 
 def unfolded(boxes: Boxes, axis: int) -> Boxes:
-    """Boxes on both sides of the mirror plane at 0 from those on its positive side. MeshError where they begin elsewhere."""
+    """Mirror boxes about the plane at 0, which bounds them.
+
+    Parameters
+    ----------
+    boxes : Boxes
+        Boxes on the positive side of the plane.
+    axis : {0, 1, 2}
+        Axis normal to the plane.
+
+    Returns
+    -------
+    Boxes
+        Boxes on both sides.
+
+    Raises
+    ------
+    MeshError
+        For boxes that do not begin at 0.
+    """
     lines = [boxes.x, boxes.y, boxes.z]
     half = lines[axis]
     if half[0] != 0.0:
@@ -414,7 +624,7 @@ def _filling(
 
     yield Patch(lines.fill, under, beyond, _filled(lines.fill, under))
     yield Patch(under, lines.fill, above, _filled(under, lines.fill))
-    yield from beside(block[0] * under, block[1] * under, lines.beside)
+    yield from beside(block[0] * under, block[1] * under, lines.plate)
 
 
 def _placed(patch: Patch, mesh: Mesh) -> FloatArray:

@@ -22,10 +22,20 @@ SAME = 1e-9  # of the breakpoints' span: those closer than this are one
 
 @dataclass(frozen=True)
 class Grading:
-    """Element size away from singular edges (m), layers towards each one, and the shrink factor of a layer.
+    """Element size and geometric grading towards singular edges.
 
-    The `skipped` innermost layers are left out: such a grid is nested in the one that has them. Between two breakpoints lie
-    `least` elements or more.
+    Attributes
+    ----------
+    size_m : float
+        Element size away from singular edges.
+    layers : int
+        Layers towards each singular edge.
+    factor : float
+        Shrink factor from a layer to the next one towards the edge.
+    skipped : int
+        Innermost layers that are left out; such a grid is nested in the one that has them.
+    least : int
+        Smallest number of elements between two breakpoints.
     """
 
     size_m: float
@@ -41,17 +51,33 @@ class Grading:
 
 
 def grid_lines(breaks: dict[float, bool], grading: Grading) -> FloatArray:
-    """Increasing grid coordinates through all breakpoints; True marks those to grade towards.
+    """Compute grid lines through all breakpoints, graded towards singular edges.
 
-    Between two breakpoints the interval is cut evenly, then the end element next to a singular edge is cut
-    `layers` times into the fractions factor and 1 - factor. Units: m. Source of the idea: babuska1981.
+    Between two breakpoints the interval is cut evenly. Then the end element next to a singular edge is cut repeatedly
+    into the fractions `factor` and 1 - `factor`, once per layer.
+
+    Parameters
+    ----------
+    breaks : dict of bool
+        Breakpoints, in m like `grading`, as keys; True marks singular edges.
+    grading : Grading
+        Element size, layers and shrink factor.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Ascending coordinates.
+
+    References
+    ----------
+    .. [1] babuska1981 (docs/references.bib)
     """
     points = _merged(breaks)
     panels = [_interval(a, b, grading) for a, b in pairwise(points)]
     return np.concatenate([[points[0][0]], *panels])
 
 
-def interval_count(breaks: dict[float, bool], grading: Grading) -> int:
+def _interval_count(breaks: dict[float, bool], grading: Grading) -> int:
     """Intervals of `grid_lines`, counted without making them."""
     return sum(_even_count(a, b, grading) + len(grading.cuts) * (a[1] + b[1]) for a, b in pairwise(_merged(breaks)))
 
@@ -91,11 +117,20 @@ def _even_count(start: tuple[float, bool], end: tuple[float, bool], grading: Gra
 
 @dataclass(frozen=True)
 class HexSettings:
-    """Order, element size in the plate and along a pillar (m), layers and shrink factor at singular edges.
+    """Order, element sizes and grading of a hexahedral mesh.
 
-    `through` is how many elements at least lie through the thickness of a plate, layers not counted; the
-    `skipped` innermost layers are left out, which nests the mesh in the one that has them. `least` elements at least lie
-    between two lines that the scene prescribes.
+    Attributes
+    ----------
+    order : int
+        Order of the elements, 1 to 4.
+    size_m : float
+        Element size in the plate.
+    layers, factor, skipped, least : int or float
+        Numbers of `Grading`.
+    pillar_size_m : float or None
+        Element size along the height of a pillar; that in the plate if None.
+    through : int
+        Smallest number of elements through the thickness, not counting layers.
     """
 
     order: int = 3
@@ -132,9 +167,20 @@ class HexSettings:
 
 @dataclass(frozen=True)
 class Foot:
-    """Prisms of one kind: rectangles x0, x1, y0, y1 about a centre (r, 4), centres (n, 2), where they begin and end, m.
+    """Equal prisms that stand on a body.
 
-    They stand on the prisms of the outline `below`, on the lowest body without one.
+    Attributes
+    ----------
+    rectangles : ndarray, shape (r, 4)
+        Outline as a union of rectangles x0, x1, y0, y1 about a centre, in m.
+    centres : ndarray, shape (n, 2)
+        Centres in m.
+    bottom_m, top_m : float
+        Heights at which the prisms begin and end.
+    region : str
+        Region of the mesh.
+    below : ndarray, shape (r, 4), or None
+        Outline of the prisms on which they stand; None on the lowest body.
     """
 
     rectangles: FloatArray
@@ -147,11 +193,26 @@ class Foot:
 
 @dataclass(frozen=True)
 class Scene:
-    """Grid lines of a scene of boxes, before it is meshed: breakpoints in m, True at singular edges.
+    """Breakpoints and gradings of a scene of boxes before it is meshed.
 
-    x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without), `feet` of each kind.
-    The lowest body fills the rectangles `body` (r, 4) only, where that is given. With two `faces` the mirror images of the
-    pillars hang below it.
+    Attributes
+    ----------
+    x, y, z : dict of bool
+        Breakpoints in m of the lowest body; True marks singular edges.
+    across, through : Grading
+        Gradings along x and y, and along z.
+    name : str
+        Region of the lowest body.
+    above : dict of bool or None
+        Breakpoints along z of the pillars on it; None without pillars.
+    along : Grading or None
+        Grading of the pillars along z.
+    feet : tuple of Foot
+        Pillars and heavy tips, one entry per kind.
+    body : ndarray, shape (r, 4), or None
+        Rectangles x0, x1, y0, y1 that the lowest body fills; None for all of it.
+    faces : int
+        2 if mirror images of the pillars hang below the body, else 1.
     """
 
     x: dict[float, bool]
@@ -168,15 +229,52 @@ class Scene:
 
 
 def zone_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The bare strip length x width x thickness, graded towards its clamped long side faces and the free ends that meet them
-    in singular corners; x, y >= 0 when quartered.
+    """Lay out the bare strip, length x width x thickness, whose long side faces are clamped.
+
+    It is graded towards the clamped faces, and towards the free ends that meet them in singular corners.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    settings : HexSettings
+        Element sizes and grading.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 only.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
     """
     x, y = (_span(size / 2.0, True, quarter) for size in (design.length_m, design.width_m))
     return Scene(x, y, {0.0: True, design.thickness_m: True}, settings.grading, settings.grading)
 
 
 def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The isolated pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim and its own inner edges."""
+    """Lay out the isolated pillar, its foot on z = 0 (face `touch`).
+
+    It is graded towards the rim of the clamped foot and its own re-entrant edges.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        Pillar made of boxes.
+    settings : HexSettings
+        Element sizes and grading.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 only.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow the pillar.
+    """
     foot = _foot(pillar)
     x, y = _edges(pillar)
     if quarter:
@@ -189,7 +287,29 @@ def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) ->
 
 
 def panel_scene(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Scene:
-    """A rectangular panel of plate, its own middle at the origin, with its pillar where it has one."""
+    """Lay out a rectangular panel of plate with its pillar, if any, and its middle at the origin.
+
+    Parameters
+    ----------
+    panel : Panel
+        Corners and foot in m; along the axes in `halved` only the positive side is kept.
+    thickness_m : float
+        Thickness of the plate in m.
+    pillar : Pillar or None
+        Pillar of a panel that does not name its own.
+    settings : HexSettings
+        Element sizes and grading.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow the pillar.
+    """
     middle = np.array(panel.middle)
     spans = []
     for axis in (0, 1):
@@ -208,8 +328,34 @@ def bonded_scene(
     back: bool,
     settings: HexSettings,
 ) -> Scene:
-    """A rectangle span_m = (x0, x1, y0, y1) of plate with its pillars and a body bonded to the rectangle box_m of its back or
-    touch face: graded towards that one's edges too, where the forces between both gather.
+    """Lay out a rectangle of plate with its pillars and a body bonded to it.
+
+    It is graded towards the edges of the body too, where the forces between both concentrate.
+
+    Parameters
+    ----------
+    span_m : ndarray, shape (4,)
+        The rectangle x0, x1, y0, y1 in m.
+    thickness_m : float
+        Thickness of the plate in m.
+    stands : tuple of PillarGroup
+        Pillars and their centres.
+    box_m : ndarray, shape (4,)
+        The bonded rectangle x0, x1, y0, y1 in m.
+    back : bool
+        Whether the body is bonded to the back of the plate, not to its touch face.
+    settings : HexSettings
+        Element sizes and grading.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow a pillar.
     """
     lines: list[dict[float, bool]] = [{}, {}]
     for breaks, ends, edges in zip(lines, span_m.reshape(2, 2), box_m.reshape(2, 2), strict=True):
@@ -219,9 +365,28 @@ def bonded_scene(
 
 
 def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:
-    """The unit cell pitch_x x pitch_y x thickness centred at the origin, its pillar in its middle.
+    """Lay out the unit cell, pitch_x x pitch_y x thickness, centred, with its pillar in the middle.
 
-    Of staggered rows the lines along y are those of the neighbouring rows, too, half a pitch on.
+    For staggered rows, the lines along y are also those of the neighbouring rows, half a pitch further along x.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    settings : HexSettings
+        Element sizes and grading.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 only.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow the pillar.
     """
     panel = replace(lattice_panel(design), halved=(0, 1) if quarter else ())
     scene = panel_scene(panel, design.thickness_m, design.pillar, settings)
@@ -233,7 +398,27 @@ def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> 
 
 
 def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The whole plate, or its quarter x, y >= 0, with every pillar; a line runs along the zone's border."""
+    """Lay out the plate with every pillar; lines run along the borders of the zones.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    settings : HexSettings
+        Element sizes and grading.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 only.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow a pillar.
+    """
     x = _span(design.length_m / 2.0, False, quarter)
     y = _span(design.half_span_m, False, quarter)
     borders = (
@@ -247,7 +432,29 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
 
 
 def part_scene(design: Design, part: str, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The zone, the isolated pillar or the plate."""
+    """Lay out one part of a design.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    part : {'zone', 'pillar', 'plate'}
+        The zone, the isolated pillar or the plate.
+    settings : HexSettings
+        Element sizes and grading.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 only.
+
+    Returns
+    -------
+    Scene
+        Breakpoints in m.
+
+    Raises
+    ------
+    MeshError
+        If boxes cannot follow a pillar.
+    """
     if part == "pillar":
         assert design.pillar
         return pillar_scene(design.pillar, settings, quarter)
@@ -322,10 +529,21 @@ def _foot(pillar: Pillar) -> FloatArray:
 
 @dataclass(frozen=True)
 class Block:
-    """Boxes alike but for their counts: elements along x and y, one entry per column and per row of them, and along z.
+    """A product of columns, rows and layers of boxes, for counting.
 
-    A union of rectangles is counted by inclusion and exclusion: what several share has the sign -1, +1 in turn. A block that
-    `stands` on another shares its lowest nodes.
+    A union of rectangles is counted by inclusion and exclusion: intersections of several have the sign -1 and +1 in
+    turn.
+
+    Attributes
+    ----------
+    x, y : tuple of int
+        Elements along x of each column, and along y of each row.
+    z : int
+        Elements along z.
+    stands : bool
+        Whether the lowest nodes are shared with the block below.
+    sign : int
+        1 or -1.
     """
 
     x: tuple[int, ...]
@@ -359,21 +577,35 @@ class BoxCounts:
     @property
     def pairs(self) -> int:
         """Ordered pairs of nodes that share an element: entries of the scalar mass, a ninth of the stiffness's."""
+        # along one axis, (order + 1)^2 pairs per element, of which neighbours share that of their common node with itself
         return sum(block.total(lambda count: count * (self.order + 1) ** 2 - (count - 1)) for block in self.blocks)
 
 
 def box_counts(scene: Scene, order: int) -> BoxCounts:
-    """Sizes of `hex_mesh(boxes_of(scene), order)`."""
-    up = interval_count(scene.z, scene.through)
+    """Count the elements and nodes of `hex_mesh(boxes_of(scene), order)` without meshing.
+
+    Parameters
+    ----------
+    scene : Scene
+        Breakpoints, gradings and feet.
+    order : int
+        Order of the elements.
+
+    Returns
+    -------
+    BoxCounts
+        Exact counts.
+    """
+    up = _interval_count(scene.z, scene.through)
     if scene.body is None:
-        whole = (interval_count(scene.x, scene.across),), (interval_count(scene.y, scene.across),)
+        whole = (_interval_count(scene.x, scene.across),), (_interval_count(scene.y, scene.across),)
         blocks = [Block(*whole, up)]
     else:
         blocks = [_block(scene, np.zeros((1, 2)), part, up, False, sign) for sign, part in _union(scene.body)]
     if scene.above is not None and scene.along is not None:
         for foot in scene.feet:
             span = {z: graded for z, graded in scene.above.items() if foot.bottom_m <= z <= foot.top_m}
-            up, alone = interval_count(span, scene.along), foot.below is None
+            up, alone = _interval_count(span, scene.along), foot.below is None
             own = [_block(scene, foot.centres, part, up, alone, sign) for sign, part in _union(foot.rectangles)]
             own += [_block(scene, foot.centres, part, 0, False, -sign) for sign, part in _shared(foot)]
             blocks += own * scene.faces
@@ -414,5 +646,5 @@ def _counts(breaks: dict[float, bool], centres: FloatArray, side: FloatArray, gr
         start, end = max(low, centre + side[0]) - slack, min(high, centre + side[1]) + slack
         within = {place: graded for place, graded in breaks.items() if start <= place <= end}
         if within:
-            counts.append(interval_count(within, grading))
+            counts.append(_interval_count(within, grading))
     return tuple(counts)

@@ -23,10 +23,26 @@ TRIANGLE_SWAP = {1: [1, 0, 2], 2: [1, 0, 2, 3, 5, 4]}
 
 
 def mirror_mesh(mesh: Mesh, axis: int) -> Mesh:
-    """Join a tetrahedral mesh at x_axis >= 0 with its image: nodes of the plane x_axis = 0 are shared, bit for bit.
+    """Join a tetrahedral mesh at x_axis >= 0 with its image; both share the nodes of the plane x_axis = 0, bit for bit.
 
     Face "x-" (axis 0) or "y-" (axis 1) must be that plane; it becomes the image of the opposite side.
-    Raises MeshError when the mesh does not end exactly on the plane.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Tetrahedra on the positive side.
+    axis : {0, 1}
+        Axis normal to the mirror plane.
+
+    Returns
+    -------
+    Mesh
+        Tetrahedra on both sides.
+
+    Raises
+    ------
+    MeshError
+        If the mesh does not end exactly on the plane.
     """
     low, high = f"{'xyz'[axis]}-", f"{'xyz'[axis]}+"
     on_plane = mesh.nodes[:, axis] == 0.0
@@ -65,8 +81,20 @@ ROUNDING, FILLETED = 1e-9, 1e-6
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of a quarter x, y >= 0: half a column of width half_m, its pillar's middle at x = 0, `count` times, the
-    last one stretched beyond foot_m until it is end_m wide; `begins_at_pillar`: whether one stands at the plate's middle.
+    """Columns of pillars of a plate's quarter x, y >= 0, of which half a column is meshed.
+
+    Attributes
+    ----------
+    half_m : float
+        Half-width of a column, whose pillar's middle lies at x = 0.
+    foot_m : float
+        Half-width of the foot, beyond which the last column is stretched.
+    end_m : float
+        Distance of the plate's end from the middle of the last pillar.
+    count : int
+        Number of half columns that make the quarter.
+    begins_at_pillar : bool
+        Whether a pillar stands at the plate's middle.
     """
 
     half_m: float
@@ -97,7 +125,7 @@ class Columns:
         return np.where(x > self.foot_m, beyond, x)
 
 
-def tet_quarter(design: Design, edge_m: float, columns: Columns, size: NearSegments) -> Mesh:
+def _tet_quarter(design: Design, edge_m: float, columns: Columns, size: NearSegments) -> Mesh:
     """The quarter x, y >= 0 of a plate of such columns. Raises MeshError for a rejected mesh."""
     body = solids.plate_solid(columns.alone(design), "xy")
     column = tet_mesh(body, edge_m, size)
@@ -172,9 +200,26 @@ NO_LINES = np.empty((0, 2, 3))
 
 
 def tet_zone(design: Design, edge_m: float, mirrors: str = "") -> Mesh:
-    """The bare strip, finer near the edges of its long side faces, which a clamp makes singular.
+    """Mesh the bare strip by tetrahedra, finer near the edges of its long side faces, which a clamp makes singular.
 
-    `mirrors` ("x", "y", "xy") keeps x >= 0 and/or y >= 0.
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    edge_m : float
+        Largest edge length in m.
+    mirrors : {'', 'x', 'y', 'xy'}, optional
+        Axes along which only the positive side is kept.
+
+    Returns
+    -------
+    Mesh
+        Tetrahedra in m.
+
+    Raises
+    ------
+    MeshError
+        For a rejected mesh.
     """
     half_x, half_y = design.length_m / 2.0, design.width_m / 2.0
     lines = [[(-half_x, y, z), (half_x, y, z)] for y in (-half_y, half_y) for z in (0.0, design.thickness_m)]
@@ -182,30 +227,92 @@ def tet_zone(design: Design, edge_m: float, mirrors: str = "") -> Mesh:
 
 
 def tet_pillar(pillar: Pillar, edge_m: float) -> Mesh:
-    """The isolated pillar (its foot is face "foot"), finer near the rim of its foot, which a clamp makes singular."""
+    """Mesh the isolated pillar by tetrahedra, finer near the rim of its foot, which a clamp makes singular.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        Shape and sizes in m.
+    edge_m : float
+        Largest edge length in m.
+
+    Returns
+    -------
+    Mesh
+        Tetrahedra in m.
+
+    Raises
+    ------
+    GeometryError
+        If the pillar cannot be built.
+    MeshError
+        For a rejected mesh.
+    """
     return tet_mesh(solids.pillar_solid(pillar), edge_m, _graded(_rims(pillar, 0.0), edge_m))
 
 
 def tet_plate(design: Design, edge_m: float, quarter: bool = False) -> Mesh:
-    """The plate with pillars, the quarter x, y >= 0 or all.
+    """Mesh the plate with its pillars by tetrahedra.
 
-    A whole plate is its quarter mirrored twice when its pillar is its own mirror image. Where its columns are
-    alike, that quarter is half a column mirrored along the zone, finer near feet and as long as the plate is thick away from
-    them; else it is evenly fine.
-    Raises GeometryError when a quarter cuts a pillar that is not.
+    A whole plate is its quarter mirrored twice if its pillars are their own mirror images. If its columns are alike,
+    the quarter is half a column mirrored along the zone, finer near the feet and as long as the plate is thick away
+    from them. Otherwise it is evenly fine.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    edge_m : float
+        Largest edge length in m; alike columns have FOOT times it at the feet, and at least the thickness elsewhere.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 only.
+
+    Returns
+    -------
+    Mesh
+        Tetrahedra in m.
+
+    Raises
+    ------
+    GeometryError
+        If a mirror plane of the quarter cuts a pillar that is not symmetric in it.
+    MeshError
+        For a rejected mesh.
     """
     if not (quarter or design.is_mirrored):
         return tet_mesh(solids.plate_solid(design), edge_m)
     if columns := Columns.of(design):
         longest = max(edge_m, design.thickness_m)
-        part = tet_quarter(design, longest, columns, _finer_at_feet(columns.alone(design), edge_m, longest))
+        part = _tet_quarter(design, longest, columns, _finer_at_feet(columns.alone(design), edge_m, longest))
     else:
         part = tet_mesh(solids.plate_solid(design, "xy"), edge_m)
     return part if quarter else whole(part)
 
 
 def tet_part(design: Design, part: str, edge_m: float, quarter: bool = False) -> Mesh:
-    """The zone or the plate, whole or the quarter x, y >= 0, or the whole isolated pillar."""
+    """Mesh one part of a design by tetrahedra.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    part : {'zone', 'pillar', 'plate'}
+        The zone, the isolated pillar or the plate.
+    edge_m : float
+        Largest edge length in m, as of `tet_zone`, `tet_pillar` and `tet_plate`.
+    quarter : bool, optional
+        Whether to keep x, y >= 0 of zone or plate only; a pillar is always whole.
+
+    Returns
+    -------
+    Mesh
+        Tetrahedra in m.
+
+    Raises
+    ------
+    MeshError
+        For a rejected mesh.
+    """
     if part == "pillar":
         assert design.pillar
         return tet_pillar(design.pillar, edge_m)
@@ -213,17 +320,58 @@ def tet_part(design: Design, part: str, edge_m: float, quarter: bool = False) ->
 
 
 def tet_cell(design: Design, edge_m: float, mirrors: str = "") -> Mesh:
-    """The unit cell, finer near its pillar's foot; `mirrors` as of the zone.
+    """Mesh the unit cell by tetrahedra, finer near its pillar's foot.
 
-    Mirrored from its quarter, opposite faces pair node for node: equal to the last bit but for the sign of x or y.
-    Raises GeometryError when the pillar is not symmetric in a mirror.
+    If the cell is mirrored from its quarter, opposite faces pair node for node, equal to the last bit except for the
+    sign of x or y.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    edge_m : float
+        Largest edge length in m.
+    mirrors : {'', 'x', 'y', 'xy'}, optional
+        Axes along which only the positive side is kept.
+
+    Returns
+    -------
+    Mesh
+        Tetrahedra in m.
+
+    Raises
+    ------
+    GeometryError
+        If the pillar is not symmetric in a mirror.
+    MeshError
+        For a rejected mesh.
     """
     rims = _foot_rims(design.pillar, design.thickness_m) if design.pillar else NO_LINES
     return tet_mesh(solids.cell_solid(design, mirrors), edge_m, _graded(rims, edge_m))
 
 
 def tet_panel(design: Design, panel: Panel, edge_m: float) -> Mesh:
-    """A rectangular panel of the plate, its middle at the origin, finer near its pillar's foot."""
+    """Mesh a rectangular panel by tetrahedra, its middle at the origin, finer near its pillar's foot.
+
+    Parameters
+    ----------
+    design : Design
+        The plate as built.
+    panel : Panel
+        Corners and foot in m.
+    edge_m : float
+        Largest edge length in m.
+
+    Returns
+    -------
+    Mesh
+        Tetrahedra in m.
+
+    Raises
+    ------
+    MeshError
+        For a rejected mesh.
+    """
     pillar, rims = panel.pillar or design.pillar, NO_LINES
     if pillar and panel.foot:
         rims = _foot_rims(pillar, design.thickness_m, *(np.array(panel.foot) - np.array(panel.middle)))
@@ -231,7 +379,23 @@ def tet_panel(design: Design, panel: Panel, edge_m: float) -> Mesh:
 
 
 def whole(quarter: Mesh) -> Mesh:
-    """The quarter x, y >= 0 mirrored in both planes, checked again as one mesh."""
+    """Mirror the quarter x, y >= 0 in both planes, and check the result as one mesh.
+
+    Parameters
+    ----------
+    quarter : Mesh
+        Tetrahedra that end exactly on both mirror planes.
+
+    Returns
+    -------
+    Mesh
+        Tetrahedra of the whole body.
+
+    Raises
+    ------
+    MeshError
+        If the quarter cannot be mirrored or the check fails.
+    """
     whole = mirror_mesh(mirror_mesh(quarter, 0), 1)
     check_mesh(whole, 4.0 * check_mesh(quarter).volume_m3, SAME_VOLUME)
     return whole

@@ -26,11 +26,31 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def tetrahedralize(request: dict[str, Any]) -> tuple[FloatArray, IntArray]:
-    """Vertices (n, 3) and positively oriented cells (m, 4) of the volume inside a triangulation.
+    """Fill the volume inside a closed triangulation with tetrahedra, by pytetwild in a process of its own.
 
-    Request: vertices (n, 3), triangles (m, 3), edge (target edge length, same unit), epsilon (envelope relative to the
-    bounding box diagonal), keep_outside (the whole box instead of the inside), and for a sizing field bg_vertices,
-    bg_tets, bg_values. Raises MeshError when the mesher fails. Source: hu2020.
+    Parameters
+    ----------
+    request : dict
+        Arrays `vertices` (n, 3) and `triangles` (m, 3); `edge`, the target edge length in the unit of the vertices;
+        `epsilon`, the envelope relative to the diagonal of the bounding box; `keep_outside`, whether to keep the whole
+        box.
+        A sizing field adds `bg_vertices`, `bg_tets` and `bg_values`, as from `background`.
+
+    Returns
+    -------
+    vertices : ndarray, shape (n, 3)
+        In the unit of the request.
+    cells : ndarray, shape (m, 4)
+        Tetrahedra of positive volume.
+
+    Raises
+    ------
+    MeshError
+        If the mesher fails.
+
+    References
+    ----------
+    .. [1] hu2020 (docs/references.bib)
     """
     buffer = io.BytesIO()
     np.savez(buffer, **request)
@@ -47,23 +67,37 @@ def tetrahedralize(request: dict[str, Any]) -> tuple[FloatArray, IntArray]:
         vertices, cells = answer["vertices"], answer["cells"]
     if not len(cells):
         raise MeshError("pytetwild returned no tetrahedra")
-    flipped = tet_volumes(vertices, cells) < 0.0  # cells of positive volume are returned
+    flipped = _tet_volumes(vertices, cells) < 0.0  # cells of positive volume are returned
     cells[flipped, :2] = cells[flipped, 1::-1]
     return vertices, cells
 
 
-def tet_volumes(vertices: FloatArray, cells: IntArray) -> FloatArray:
+def _tet_volumes(vertices: FloatArray, cells: IntArray) -> FloatArray:
     """Signed volumes of straight tetrahedra, shape (m,)."""
     corners = vertices[cells[:, :4]]
     return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0)
 
 
 def tet_quality(vertices: FloatArray, cells: IntArray) -> FloatArray:
-    """Mean ratio 12 (3 V)^(2/3) / sum of squared edges: 1 for a regular tetrahedron, 0 flat, negative inverted.
+    """Compute the mean ratio 12 (3 V)^(2/3) / sum of squared edges of straight tetrahedra.
 
-    Source: liu1994.
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3)
+        Vertices, in any unit.
+    cells : ndarray, shape (m, k)
+        Nodes, of which the first four are the corners.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Quality: 1 for a regular tetrahedron, 0 for a flat one, negative for an inverted one.
+
+    References
+    ----------
+    .. [1] liu1994 (docs/references.bib)
     """
-    volumes = tet_volumes(vertices, cells)
+    volumes = _tet_volumes(vertices, cells)
     corners = vertices[cells[:, :4]]
     edges = corners[:, [0, 1, 0, 0, 1, 2]] - corners[:, [1, 2, 2, 3, 3, 3]]
     squares = np.maximum((edges**2).sum(axis=(1, 2)), np.finfo(float).tiny)
@@ -99,9 +133,32 @@ class NearSegments:
 def background(
     size: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, spacing: float
 ) -> tuple[FloatArray, IntArray, FloatArray]:
-    """A grid of tetrahedra around the box low-high that carries `size` at its nodes: points, cells, values.
+    """Make a grid of tetrahedra around a box that carries edge lengths at its nodes.
 
-    The spacing grows until the grid has at most GRID_NODES nodes. Raises MeshError for a size that is not positive.
+    The spacing grows until the grid has about GRID_NODES nodes at most.
+
+    Parameters
+    ----------
+    size : callable
+        Edge length at points (n, 3), in the same unit.
+    low, high : ndarray, shape (3,)
+        Corners of the box.
+    spacing : float
+        Largest distance between grid nodes before it grows, in the same unit.
+
+    Returns
+    -------
+    points : ndarray, shape (n, 3)
+        Nodes of the grid.
+    cells : ndarray, shape (m, 4)
+        Tetrahedra.
+    values : ndarray, shape (n,)
+        Edge lengths at the nodes.
+
+    Raises
+    ------
+    MeshError
+        For an edge length that is not positive.
     """
     room = high - low
     spacing = max(spacing, float((np.maximum(room, spacing).prod() / GRID_NODES) ** (1.0 / 3.0)))

@@ -157,7 +157,7 @@ class SolveTable(Table):
 
 
 def text(allowed: str, **limits: Any) -> Any:
-    """Declare a text, None if left out."""
+    """Declare an optional text, None by default."""
     return Field(default=None, description=allowed, **limits)
 
 

@@ -227,7 +227,7 @@ class Server:
         given = await _json(request)
         first = given.get("first") if isinstance(given, dict) else None
         if not isinstance(first, int) or isinstance(first, bool) or first < 0:
-            raise InputError("a question for the cloud has the number of its first design")
+            raise InputError("a question for the cloud must contain the number of its first design")
         loop = asyncio.get_running_loop()
         if first // BATCH % 2:
             document = await loop.run_in_executor(self._asks_beside, self._beside.cloud, first, BATCH)

@@ -20,7 +20,7 @@ AROUND = 10.0  # half-power widths shown around both resonances
 
 
 def report_figure(record: MeasuredRecord, arrays: Mapping[str, Any], design: DesignRecord) -> ReportFigure:
-    """Draw measured and computed sweeps and maps, as far as they exist."""
+    """Draw measured and computed sweeps and maps, where available."""
     abreast = flat_height_in(design, 1.0) > SQUARE
     field_in = flat_height_in(design, style.WIDTH_IN * (0.36 if abreast else 0.8)) + 0.8
     heights = [2.6] * bool(record.sweep) + [field_in * (1 if abreast else 2)] * bool(record.map)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pipeline import quantity
 from pipeline.records.part import BAR, Part, column, live
 
-RELATIVE = "relative error bar of the frequency; None without an estimate"
+RELATIVE = BAR.format("the frequency, relative")
 MAC = "modal assurance criterion with the target shape on the active touch face, 0 to 1"
 STRENGTH = "share of the target shape that the mode carries, times its zone share, 0 to 1"
 CONFINEMENT = "rms of u_z on the active touch face over that on the passive one; None without a passive one"
@@ -41,18 +41,26 @@ class ModeRecord(Part):
     confinement_error_db: float | None = column(BAR.format("the level"), "dB", default=None)
     mac: float | None = column(MAC, error="mac_error", default=None)
     strength: float | None = column(STRENGTH, error="strength_error", default=None)
-    residual: float = column("relative residual of the eigenvalue problem")
+    residual: float = column("residual of the eigenvalue problem, relative")
     zone_share_error: float | None = column(BAR.format("zone_share"), default=None)
     mac_error: float | None = column(BAR.format("mac"), default=None)
     strength_error: float | None = column(BAR.format("strength"), default=None)
     parity: str | None = column("symmetry class as signs", table=False, default=None)
     computed_hz: float | None = column("frequency on the finest mesh, uncorrected", "Hz", error="error", default=None)
-    surface: Any = live()  # makes the moving surface of a computed mode
+    surface: Any = live("function that makes the moving surface of a computed mode; None if read from a file")
 
     def to_pyvista(self) -> Any:
-        """Return the closed outer surface of the whole body in m; `displacement` (points, 3) has unit modal mass.
+        """Return the closed outer surface of the whole body with the mode's displacement.
 
-        Raises ValueError for a mode that was read from a file, which holds no shapes.
+        Returns
+        -------
+        pyvista.PolyData
+            Surface in m; its array `displacement` (points, 3) has unit modal mass.
+
+        Raises
+        ------
+        ValueError
+            For a mode that was read from a file, which holds no shapes.
         """
         if self.surface is None:
             raise ValueError("this mode was read from a file, which holds no shapes: compute the modes again")
@@ -176,7 +184,7 @@ class Transmission(Part):
 
 
 class Passed(Part):
-    """Reflection and transmission of an incoming flexural wave at a frequency."""
+    """Reflection and transmission of an incident flexural wave at a frequency."""
 
     frequency_hz: float = column("frequency", "Hz", along=())
     transmission: Transmission | None = column(

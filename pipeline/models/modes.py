@@ -44,7 +44,7 @@ from pipeline.planning.refinement import (
     warn,
 )
 from pipeline.planning.simplifications import khz
-from pipeline.quantity import frequency, percent
+from pipeline.quantity import frequency, percent, several
 from pipeline.quantity import level as level_text
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
@@ -438,7 +438,7 @@ class _Class:
             if not self.rows and query.band_hz:
                 near = modes_near(self.pencil, sum(query.band_hz) / 2.0, 1, self.shared)
                 self.nearest_hz = float(near.frequency_hz[0]) if len(near.frequency_hz) else None
-        self.log.info(f"{name}: {self.dof} degrees of freedom, {len(self.rows)} modes")
+        self.log.info(f"{name}: {self.dof} degrees of freedom, {several(len(self.rows), 'mode')}")
 
     def estimated(self, coarser: MeshErrorSource | None) -> ModeErrors | None:
         """Estimate the errors of the modes from a plate's cells or from a mesh error source; None without one."""
@@ -473,7 +473,7 @@ class _Class:
 
     def between(self, low_hz: float, high_hz: float) -> tuple[tuple[ModeRow, ...], Count]:
         """Return all modes between two frequencies, reusing those already solved."""
-        with self.log.step(f"search the target mode from {khz(round(low_hz))} to {khz(round(high_hz))}"):
+        with self.log.step(f"search for the target mode from {khz(round(low_hz))} to {khz(round(high_hz))}"):
             solution = modes_in_band(self.pencil, low_hz, high_hz, self.shared)
             return self._kept(solution), solution.count
 

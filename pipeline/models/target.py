@@ -18,7 +18,7 @@ from pipeline.models.answer_parts import ModeRecord, RivalRecord, TargetMode, Ta
 from pipeline.planning.model_choice import SIGNS, Expected
 from pipeline.planning.refinement import WidestBar
 from pipeline.quantity import figure, frequency, frequency_with_bar, interval, with_bar
-from pipeline.records.part import live
+from pipeline.records.part import BAR, live
 from solvers.fem.eigen import Count, Modes
 from solvers.measures.confinement import Confinement
 from solvers.measures.target_mode import (
@@ -39,10 +39,10 @@ from solvers.measures.target_mode import (
 class ModeRow(ModeRecord):
     """One mode: its record, the place of its vector (class and column), and the relative parts of its error."""
 
-    column: int = live()
-    extension_db: float | None = live()
-    extension_error_db: float | None = live()
-    error_parts: dict[str, float] = live(default_factory=dict)
+    column: int = live("column of its vector in its symmetry class")
+    extension_db: float | None = live("rms in the zone over that on the plate beyond the rows", "dB")
+    extension_error_db: float | None = live(BAR.format("extension_db"), "dB")
+    error_parts: dict[str, float] = live("relative parts of the frequency's error bar", default_factory=dict)
 
 
 def widest_bar(rows: Sequence[ModeRow]) -> WidestBar:

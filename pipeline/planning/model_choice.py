@@ -20,7 +20,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.planning import mesh_rules, simplifications
 from pipeline.planning.simplifications import CLASSES, Simplification
-from pipeline.quantity import figure, percent
+from pipeline.quantity import figure, percent, several
 from solvers.accuracy.calibration import HEX, TET, TET_ORDER, MeshLevel
 from solvers.errors import SolverError
 from solvers.measures.confinement import target_symmetry
@@ -156,7 +156,9 @@ class ModelChoice:
         if self.kind == TET:
             return f"tetrahedra of order {TET_ORDER}, {_mm(self.edge_m or 0.0)} edges"
         assert self.hexahedra
-        graded = f", {self.hexahedra.layers} graded layers at singular edges" if self.hexahedra.layers else ""
+        graded = (
+            f", {several(self.hexahedra.layers, 'graded layer')} at singular edges" if self.hexahedra.layers else ""
+        )
         through = f", {self.hexahedra.through} through the plate" if self.hexahedra.through > 1 else ""
         return f"hexahedra of order {self.hexahedra.order}, {_mm(self.hexahedra.size_m)}{through}{graded}"
 
@@ -395,7 +397,7 @@ def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLe
     if hexahedra:
         error = None if reduced else mesh_rules.expected_error(part, level)
         known = "" if error is None else f" (error {percent(error)} on the calibrated design)"
-        mesh = f"order {hexahedra.order} with {hexahedra.layers} graded layers{known}"
+        mesh = f"order {hexahedra.order} with {several(hexahedra.layers, 'graded layer')}{known}"
         return (f"{accuracy} selects {mesh}; two coarser meshes estimate the error, which refines it if necessary",)
     shape = "the case requests tetrahedra" if case.solve.mesh == TET else "hexahedra cannot follow the pillar"
     return (

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from pipeline.errors import InputError
+from pipeline.quantity import several
 from solvers.fem.cost import Cost
 from solvers.machine import available_bytes
 
@@ -77,12 +78,12 @@ class ResourceEstimate:
             finer = ", ".join(_size(each) for each in self.finer_bytes)
             parts.append(f"{finer} on finer meshes, if the accuracy requires them")
         if self.panels:
-            parts.append(f"{_count(self.panels)} panels")
+            parts.append(several(self.panels, "panel", _count(self.panels)))
         parts.append(f"largest system {_count(self.cost.dofs)} degrees of freedom")
         if self.functions:
             parts.append(f"about {_count(self.functions)} functions per {self.per}")
         if self.modes is not None:
-            parts.append(f"about {_count(round(self.modes))} modes")
+            parts.append(f"about {several(round(self.modes), 'mode', _count(round(self.modes)))}")
         early, late = (factor * self.seconds for factor in SECONDS_RANGE)
         parts.append(f"roughly {_time(self.seconds)} ({_time(early)} to {_time(late)})")
         return "estimate: " + "; ".join(parts)

@@ -50,7 +50,7 @@ def compared(model: str, computed: Iterable[Any]) -> list[Compared]:
 class Modelled(Result, axes=()):
     """Result of a model, with the study from which its pictures are drawn."""
 
-    study: Any = live()
+    study: Any = live("study from which the pictures are drawn; None if read from a file")
 
     def compared(self) -> Iterator[str]:
         """Yield one block per statement: the thesis' value, ours, and their agreement."""

@@ -53,7 +53,7 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
     )
     reduction_error: float | None = column("largest truncation error of the cell's bands, relative")
     points: list[AttenuationPoint] = column("the waves at each frequency")
-    zone_hz: float | None = live()  # frequency of the target mode by thin-plate theory
+    zone_hz: float | None = live("frequency of the target mode by thin-plate theory", "Hz")
 
     frequency_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
     db_per_row = stacked(
@@ -68,16 +68,37 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
         return np.reshape(np.array(known, dtype=float), (-1, 2))
 
     def at(self, frequency_hz: float) -> float | None:
-        """Interpolate the attenuation per row of the least attenuated flexural wave; None outside the band."""
+        """Interpolate the attenuation per row of the least attenuated flexural wave.
+
+        Parameters
+        ----------
+        frequency_hz : float
+            Frequency in Hz.
+
+        Returns
+        -------
+        float or None
+            Attenuation in dB per row; None outside the band.
+        """
         known = self.decay
         if not len(known) or not known[0, 0] <= frequency_hz <= known[-1, 0]:
             return None
         return float(np.interp(frequency_hz, *known.T))
 
     def error_at(self, frequency_hz: float) -> float | None:
-        """Return the error bar of `at` (half-width, dB); None where it is unknown.
+        """Return the error bar of `at`.
 
         It is the larger error bar of the two neighbours plus the interpolation error, bounded by the adjacent chords.
+
+        Parameters
+        ----------
+        frequency_hz : float
+            Frequency in Hz.
+
+        Returns
+        -------
+        float or None
+            Half-width of the error bar in dB; None where it is unknown.
         """
         own = self.at(frequency_hz)
         if own is None:
@@ -134,7 +155,18 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
         return [self.complex_bands()]
 
     def complex_bands(self, predicted_hz: float | None = None) -> ReportFigure:
-        """Draw three panels over frequency: attenuation per row, Re k_y, transmitted power; a frequency marked."""
+        """Draw three panels over frequency: attenuation per row, Re k_y and transmitted power.
+
+        Parameters
+        ----------
+        predicted_hz : float, optional
+            Frequency to mark, in Hz.
+
+        Returns
+        -------
+        ReportFigure
+            The figure with its title and its description in words.
+        """
         drawn, (decay, phase, power) = style.panels(6.2, 3, 1, sharex=True, height_ratios=[1.2, 1.0, 1.0])
         self._draw_waves(decay, phase)
         self._draw_least(decay)

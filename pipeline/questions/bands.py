@@ -177,7 +177,18 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     @classmethod
     def of_solved(cls, solved: SolvedBands) -> BandsResult:
-        """Return the result of solved bands."""
+        """Return the result of solved bands.
+
+        Parameters
+        ----------
+        solved : SolvedBands
+            Bands along the path, their error bars and their gaps.
+
+        Returns
+        -------
+        BandsResult
+            The result.
+        """
         points = [BandPoint(**solved.point(index)) for index in range(len(solved.path.labels))]
         kinds = {
             "gaps": Gap,
@@ -307,7 +318,15 @@ class BandsResult(Result, table="points", axes=("point", "band")):
             ax.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=LEGEND_COLUMNS)
 
     def draw_bands(self, ax: Axes, label: str = "bands") -> None:
-        """Draw the bands without a legend."""
+        """Draw the bands without a legend.
+
+        Parameters
+        ----------
+        ax : Axes
+            Axes to draw in.
+        label : str, optional
+            Label of the bands if their polarisations are unknown.
+        """
         s, values = self.distance_per_m, self.frequencies_hz / KHZ
         if all(point.plate_polarisation for point in self.points):
             ax.plot(s, values, color="#C8C8C8", lw=0.7)

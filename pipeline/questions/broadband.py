@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import nan
+from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.answer_parts import BroadbandPoint
@@ -56,12 +57,34 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
     confinement_db = stacked("confinement_db", "Confinement (points,) in dB under a pressure in the target shape.")
 
     def taken_db(self, frequency_hz: float) -> float:
-        """Interpolate the attenuation by the rows, dB; NaN outside the band and without an incident wave."""
+        """Interpolate the attenuation by the rows.
+
+        Parameters
+        ----------
+        frequency_hz : float
+            Frequency in Hz.
+
+        Returns
+        -------
+        float
+            Attenuation in dB; NaN outside the band and without an incident wave.
+        """
         levels = [point.taken_db for point in self.points]
         return float(np.interp(frequency_hz, self.frequency_hz, levels, left=nan, right=nan))
 
     def end_errors(self, ends_hz: list[float]) -> tuple[float | None, float | None]:
-        """Return the relative error bars of the ends of an interval (half-widths)."""
+        """Return the error bars of the ends of an interval.
+
+        Parameters
+        ----------
+        ends_hz : list of float
+            Lower and upper end in Hz.
+
+        Returns
+        -------
+        tuple of float or None
+            Half-width for each end, relative to its frequency; None without an estimate.
+        """
         from pipeline.models.broadband import end_errors
 
         return end_errors(self.points, self.frequency_error, ends_hz)
@@ -101,19 +124,14 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         yield f"target mode of the column: {own}, {with_bar(self.target_db, self.target_error_db, 'dB')}"
 
     def draw(self, ax: Axes) -> None:
-        """Draw the attenuation by the rows and the confinement of the driven zone over frequency."""
-        self.draw_levels(ax, "", (style.BLUE, style.ORANGE))
-
-    def draw_levels(self, ax: Axes, label: str, colours: tuple[str, str]) -> None:
-        """Draw both levels, the target mode of the column marked."""
+        """Draw the attenuation by the rows and the confinement of the driven zone, the column's target mode marked."""
         khz = self.frequency_hz / KHZ
         taken = [point.taken_db for point in self.points]
-        ax.plot(khz, taken, color=colours[0], label=f"{label}attenuation by {self.rows} rows")
-        ax.plot(
-            khz, self.confinement_db, color=colours[1], lw=0.9, ls="--", label=f"{label}confinement of the driven zone"
-        )
+        ax.plot(khz, taken, color=style.BLUE, label=f"attenuation by {self.rows} rows")
+        look: dict[str, Any] = {"color": style.ORANGE, "lw": 0.9, "ls": "--"}
+        ax.plot(khz, self.confinement_db, label="confinement of the driven zone", **look)
         if self.target_hz is not None and self.target_db is not None:
-            ax.plot(self.target_hz / KHZ, self.target_db, "*", color=colours[1], ms=10)
+            ax.plot(self.target_hz / KHZ, self.target_db, "*", color=style.ORANGE, ms=10)
         ax.axhline(confinement.CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
         ax.set(xlabel="frequency (kHz)", ylabel="level (dB)", ylim=(-15.0, 60.0))
         ax.grid(True)

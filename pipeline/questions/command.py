@@ -24,7 +24,7 @@ from pipeline.quantity import KHZ
 from pipeline.questions.late import outputs, simplifications, style
 from pipeline.questions.question import QUESTIONS, VARIANTS, Option, Pair, Question, Run, ask, item_of, kind_of
 from pipeline.questions.result import Result
-from pipeline.records.part import DOCUMENT_SCHEMA
+from pipeline.records.part import DOCUMENT_SCHEMA, sentence
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case
@@ -39,6 +39,8 @@ OF_UNIT = {"rad/m": "per_m", "N/m": "N_per_m"}  # endings of option names that d
 P = ParamSpec("P")
 R = TypeVar("R", bound=Result)
 
+PROGRESS = """progress : bool, optional
+    Whether to report progress on standard error; by default in a terminal or a notebook."""
 RAISES = """Raises
 ------
 InputError
@@ -168,16 +170,27 @@ def emit(arguments: argparse.Namespace, name: str, answer: Answer, log: Terminal
     return 0
 
 
-def numpydoc(question: type[Question[Any]]) -> str:
-    """Return the docstring of a question's method."""
+def numpydoc(question: type[Question[Any]], without: str = "", further: str = "") -> str:
+    """Return the docstring of a question's method: without an option, with an entry for further keywords."""
     summary, _, examples = (inspect.getdoc(question) or "").partition("\n>>> ")
-    options = [f"{n}\n    {each.help}{each.unit and f', in {each.unit}'}." for n, each in question.options.items()]
-    progress = "progress\n    Whether to report progress on standard error; None: in a terminal or a notebook."
-    listed = "\n".join(["Parameters", "----------", *options, progress])
+    options = [
+        f"{name} : {_type(kind_of(question, name))}, optional\n    {sentence(about.help, about.unit)}"
+        for name in inspect.signature(question).parameters
+        if name != without and (about := question.options.get(name))
+    ]
+    listed = "\n".join(["Parameters", "----------", *options, PROGRESS, *([further] if further else [])])
     of_result = (inspect.getdoc(question.result) or "").splitlines()[0]
     returned = f"Returns\n-------\n{question.result.__name__}\n    {of_result}"
     shown = f"\n\nExamples\n--------\n>>> {examples}" if examples else ""
     return "\n\n".join([summary.rstrip(), listed, returned, RAISES]) + shown + "\n"
+
+
+def _type(kind: Any) -> str:
+    """Return the type of an option in numpydoc's words."""
+    if get_origin(kind) is Literal:
+        return f"{{{', '.join(map(repr, get_args(kind)))}}}"
+    item = float if kind == Pair else item_of(kind)
+    return f"tuple of {item.__name__}" if item else str(kind.__name__)
 
 
 def _variants(question: Kind) -> list[Kind]:
@@ -379,7 +392,9 @@ def _function(kind: Any) -> Any:
     given = inspect.signature(kind)
     own = inspect.Parameter("self", inspect.Parameter.POSITIONAL_ONLY)
     method.__name__, method.__qualname__, method.__doc__ = kind.name, f"Plate.{kind.name}", numpydoc(kind)
+    method.__annotations__ = {"return": kind.result}
     method.__signature__ = given.replace(  # type: ignore[attr-defined]
-        parameters=[own, *given.parameters.values()], return_annotation=kind.result
+        parameters=[own, *sorted(given.parameters.values(), key=lambda each: each.name == "progress")],
+        return_annotation=kind.result,
     )
     return method

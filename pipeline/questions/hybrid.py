@@ -75,8 +75,8 @@ class HybridResult(Result, axes=("frequency_hz",)):
     dof: int = column("degrees of freedom that were solved for")
     inside: int = column("driving patches inside the zone")
     behind: int = column("driving patches beyond the zone")
-    detuning: float = column("relative detuning of the resonances")
-    alpha: float = column("penalty on voltages that move little")
+    detuning: float = column("detuning of the resonances, relative")
+    alpha: float = column("penalty on voltages that move little, 0 to 1")
     target_hz: float | None = column(
         "peak of the plate with rows; None if outside the band", "Hz", error="target_error"
     )
@@ -96,11 +96,35 @@ class HybridResult(Result, axes=("frequency_hz",)):
         return None if self.target_hz is None else self.frequency_hz.index(self.target_hz)
 
     def method(self, name: str) -> HybridMethod:
-        """Return a method by name."""
+        """Return a method by name.
+
+        Parameters
+        ----------
+        name : {'neither', 'rows', 'patches', 'both'}
+            Name of the method.
+
+        Returns
+        -------
+        HybridMethod
+            Its levels and voltages over frequency.
+        """
         return next(each for each in self.methods if each.method == name)
 
     def at_target(self, method: str, values: str) -> float | None:
-        """Return a figure of a method, such as off_db, or its error bar, at the target mode's peak."""
+        """Return a figure of a method at the target mode's peak.
+
+        Parameters
+        ----------
+        method : {'neither', 'rows', 'patches', 'both'}
+            Name of the method.
+        values : str
+            Field of the method over frequency, such as off_db or off_error_db.
+
+        Returns
+        -------
+        float or None
+            Value in the unit of the field; None if it is missing or the band contains no peak of the target mode.
+        """
         figures: list[float] | None = getattr(self.method(method), values)
         return None if figures is None or self.target_place is None else figures[self.target_place]
 

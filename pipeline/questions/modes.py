@@ -72,8 +72,8 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         "largest error bar of a frequency: error (relative), of (which mode), parts (mesh, truncation), largest_part",
         default=None,
     )
-    solved: Any = live()
-    case: Any = live()
+    solved: Any = live("solved model; None if read from a file")
+    case: Any = live("case of the solved model; None if read from a file")
 
     target_status = figure_at("target.status", "target mode: single, split or none", None)
     target_hz = figure_at("found.frequency_hz", "target mode", "Hz")
@@ -108,7 +108,20 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
 
     @classmethod
     def of_solved(cls, solved: PartModes, case: Case) -> ModesResult:
-        """Return the result of solved modes."""
+        """Return the result of solved modes.
+
+        Parameters
+        ----------
+        solved : PartModes
+            Modes of the part with their measures and error bars.
+        case : Case
+            The case that was solved.
+
+        Returns
+        -------
+        ModesResult
+            The result.
+        """
         from pipeline.models.mode_fields import closed_surface
         from pipeline.models.target import widest_bar
 
@@ -148,9 +161,22 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     error = stacked("error", "Relative error bar of each frequency (modes,), half-width; NaN without an estimate.")
 
     def to_pyvista(self, mode: int | ModeRecord | None = None) -> Any:
-        """Return the closed surface of a mode, given by its index from 0 or itself; None means the target mode.
+        """Return the closed outer surface of the whole body with a mode's displacement.
 
-        Raises ValueError where no mode is the target mode, and for modes that were read from a file.
+        Parameters
+        ----------
+        mode : int or Mode, optional
+            Index from 0, or the mode itself; the target mode by default.
+
+        Returns
+        -------
+        pyvista.PolyData
+            Surface in m; its array `displacement` (points, 3) has unit modal mass.
+
+        Raises
+        ------
+        ValueError
+            If no mode is the target mode, and for modes that were read from a file.
         """
         if mode is None:
             at = self.target.index if self.target else None
@@ -204,7 +230,13 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         ax.set(xlabel="frequency (kHz)", ylabel="confinement (dB)")
 
     def fields(self) -> dict[str, Any]:
-        """Return the field of every mode, as --save-all-fields writes it into fields.npz."""
+        """Return the field of every mode, as `--save-all-fields` writes it into fields.npz.
+
+        Returns
+        -------
+        dict
+            Points (p, 3) in m, facets, frequencies (k,) in Hz, symmetry classes (k,) and displacements (k, p, 3).
+        """
         from pipeline.models.mode_fields import full_fields
 
         return full_fields(self.solved)

@@ -137,11 +137,24 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     )
     measured: MeasuredRecord | None = column("comparison with measured data; None without a measurement", default=None)
     target_error: float | None = bar("target_hz, relative")
-    written: list[Any] = live(default_factory=list)  # files with synthetic data
+    written: list[Any] = live("written files with synthetic data", default_factory=list)
 
     @classmethod
     def of_solved(cls, solved: SolvedResponse, case: Case) -> ResponseResult:
-        """Return the result of a solved response, with the error bars of its curves and peaks."""
+        """Return the result of a solved response, with the error bars of its curves and peaks.
+
+        Parameters
+        ----------
+        solved : SolvedResponse
+            Forced plate, curves and peaks.
+        case : Case
+            The case that was solved.
+
+        Returns
+        -------
+        ResponseResult
+            The result.
+        """
         from pipeline.models.forced import curve_errors
         from solvers.piezo.responses import circuit_shift, frequency_error
 
@@ -219,7 +232,13 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         yield from (f"wrote {path}" for path in self.written)
 
     def peaks(self) -> Iterator[str]:
-        """Yield the peak of the target mode, and the highest peak if it is another one."""
+        """Yield the peak of the target mode, and the highest peak if it is another one.
+
+        Yields
+        ------
+        str
+            One peak in words.
+        """
         if self.target_peak:
             yield self.target_peak.line("target mode's peak")
         if not self.same:

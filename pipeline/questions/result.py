@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from html import escape
+from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from pipeline.records.record import DesignRecord
 
 T = TypeVar("T")
+BREAK = "\n\n"  # between the summary of a docstring and its sections
 # source of a figure's error bar: property, path of a field or function of the result; relative for a frequency, else in
 # the figure's unit
 Bar = str | Callable[[Any], float | None]
@@ -89,7 +91,8 @@ class stacked(property):
     """Property with a column of the main table as an array over its axes; NaN for missing values."""
 
     def __init__(self, name: str, about: str) -> None:
-        super().__init__(lambda result: result.array(name), doc=about)
+        super().__init__(lambda result: result.array(name))
+        self.__doc__ = about  # an argument `doc` would not override that of the class
 
     if TYPE_CHECKING:
 
@@ -140,53 +143,130 @@ class Result(Part):
         super().__init_subclass__()
         cls.table, cls.axes = table, axes
         cls.figures = {name: each for name, each in vars(cls).items() if isinstance(each, Figure)}
+        for name in ("lines", "details", "draw", "pictures", "to_rows"):
+            own, of_all = vars(cls).get(name), cleandoc(getattr(Result, name).__doc__)
+            if own:  # an overriding method says what differs; its parameters and returns are those of all results
+                own.__doc__ = f"{cleandoc(own.__doc__)}\n\n{of_all.partition(BREAK)[2]}\n"
 
     # for subclasses to override
 
     def lines(self) -> Iterator[str]:
-        """Yield the result in words, for the terminal and the report."""
+        """Yield the result in words, for the terminal and the report.
+
+        Yields
+        ------
+        str
+            A line of text, or a table of several lines.
+        """
         yield from ()
 
     def details(self) -> Iterator[str]:
-        """Yield the lines that --verbose adds."""
+        """Yield the lines that `--verbose` adds.
+
+        Yields
+        ------
+        str
+            A line of text.
+        """
         yield from ()
 
     def draw(self, ax: Axes) -> None:
-        """Draw the result into matplotlib axes."""
+        """Draw the result into matplotlib axes.
+
+        Parameters
+        ----------
+        ax : Axes
+            Axes to draw in.
+        """
         raise NotImplementedError
 
     def pictures(self) -> list[ReportFigure]:
-        """Return the pictures for a report and --out: that of `draw`, unless a subclass has more."""
+        """Return the pictures for a report and `--out`: that of `draw`, unless a subclass has more.
+
+        Returns
+        -------
+        list of ReportFigure
+            Matplotlib figures, each with its title and its description in words.
+        """
         return [style.ReportFigure(self.question, self.title, " ".join(self.lines()), self.as_figure(), vector=True)]
 
     # derived outputs
 
     def reading(self, without: Axis = (), most: int = 0) -> str:
-        """Format the main table for reading, without some columns and thinned evenly to about `most` rows."""
+        """Format the main table for reading.
+
+        Parameters
+        ----------
+        without : tuple of str, optional
+            Columns to leave out.
+        most : int, optional
+            Approximate number of rows after even thinning; 0 keeps every row.
+
+        Returns
+        -------
+        str
+            The table as aligned text.
+        """
         rows = [{name: value for name, value in row.items() if name not in without} for row in self.to_rows()]
         step = max(1, len(rows) // most) if most else 1
         return outputs.reading_table(tuple(rows[0]), [[*row.values()] for row in rows[::step]])
 
     def with_arrays(self, arrays: Mapping[str, Any], design: DesignRecord | None = None) -> Self:
-        """Attach arrays by name and the design for the pictures; return the result itself."""
+        """Attach the arrays and the design from which pictures are drawn.
+
+        Parameters
+        ----------
+        arrays : mapping
+            Arrays by name, as stored with the record.
+        design : DesignRecord, optional
+            Design of the case.
+
+        Returns
+        -------
+        Result
+            The result itself.
+        """
         object.__setattr__(self, "arrays", arrays)
         object.__setattr__(self, "plate_design", design)
         return self
 
     def to_rows(self) -> list[dict[str, Any]]:
-        """Return the main table: one dictionary of plain values per row, units in the names."""
+        """Return the main table.
+
+        Returns
+        -------
+        list of dict
+            One dictionary of plain values per row, with the units in the names.
+        """
         return rows_of(self, self.table, self.axes)
 
     @classmethod
     def heading(cls) -> list[str]:
-        """Return the column names of the main table, which also hold for an empty one."""
+        """Return the column names of the main table, which also hold for an empty one.
+
+        Returns
+        -------
+        list of str
+            Names with their units.
+        """
         kind = part_of(cls, cls.table) if cls.table else cls
         inner = set(cls.axes[1:] if cls.table else cls.axes)
         own = [each.name or name for name, each in kind.declared.items() if each.table and set(each.along) <= inner]
         return [*cls.axes[:1], *own] if cls.table and cls.axes[0] not in own else own
 
     def array(self, name: str) -> np.ndarray:
-        """Return a column as an array over the axes of the main table; NaN for missing values."""
+        """Return a column as an array over the axes of the main table.
+
+        Parameters
+        ----------
+        name : str
+            Field of the result, or of the items of its main table.
+
+        Returns
+        -------
+        ndarray
+            Array of shape (axis, ...) over the axes of the main table, in the unit of the name; NaN for missing values.
+        """
         items: list[Part] = getattr(self, self.table) if self.table else [self]
         values = [getattr(item, name) for item in items]
         along = items[0].declared[name].along if items else ()
@@ -195,20 +275,45 @@ class Result(Part):
         return np.array(filled if self.table else filled[0], dtype=float)
 
     def to_dataframe(self) -> Any:
-        """Return the main table as a pandas DataFrame, units in the column names. Raises ImportError without pandas."""
+        """Return the main table as a pandas DataFrame.
+
+        Returns
+        -------
+        DataFrame
+            The rows of `to_rows`, with the units in the names of the columns.
+
+        Raises
+        ------
+        ImportError
+            Without pandas.
+        """
         return outputs.frame(self.to_rows(), self.heading())
 
     def to_xarray(self) -> Any:
-        """Return the main table as an xarray Dataset over its axes, `units` in the attributes.
+        """Return the main table as an xarray Dataset over its axes.
 
-        Raises ImportError without pandas and xarray (`pip install 'antinode[tables]'`).
+        Returns
+        -------
+        Dataset
+            One variable per column, with its unit in the attribute `units`.
+
+        Raises
+        ------
+        ImportError
+            Without pandas and xarray (`pip install 'antinode[tables]'`).
         """
         rows = self.to_rows()
         held = [axis for axis in self.axes if rows and axis in rows[0]]
         return outputs.dataset(rows, held)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON document that --json writes: the declared fields, with the case and the version."""
+        """Return the JSON document that `--json` writes.
+
+        Returns
+        -------
+        dict
+            The declared fields, with the case, the version, the options, the warnings and the seconds of each step.
+        """
         about = self.origin
         if about is None:
             return {"schema": DOCUMENT_SCHEMA, "kind": self.question, **self.values()}
@@ -218,7 +323,23 @@ class Result(Part):
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> Self:
-        """Read the result from a document of `to_dict` or --json. Raises pydantic.ValidationError for a damaged one."""
+        """Read the result from a document of `to_dict` or `--json`.
+
+        Parameters
+        ----------
+        document : mapping
+            The document.
+
+        Returns
+        -------
+        Result
+            The result, without the fields that exist only in memory.
+
+        Raises
+        ------
+        pydantic.ValidationError
+            For a damaged document.
+        """
         read = cls.from_dict({name: document[name] for name in cls.declared if name in document})
         head = {name: document.get(name) for name in ("case", "with_defaults", "version")}
         more = {"options": document.get("options") or {}, "seconds": document.get("seconds") or {}}
@@ -226,21 +347,49 @@ class Result(Part):
         return read
 
     def save(self, path: str | Path) -> Path:
-        """Write the document as JSON, atomically; `antinode.open` reads it back."""
+        """Write the document as JSON, atomically; `antinode.open` reads it back.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write.
+
+        Returns
+        -------
+        Path
+            The written file.
+        """
         from pipeline.records.outputs import write_file
 
         write_file(Path(path), (json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n").encode())
         return Path(path)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw into matplotlib axes, new ones if none are given, and return them."""
+        """Draw into matplotlib axes.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Axes to draw in; new ones by default.
+
+        Returns
+        -------
+        Axes
+            The axes.
+        """
         with style.style():
             drawn: Axes = style.panels(3.6)[1] if ax is None else ax
             self.draw(drawn)
         return drawn
 
     def as_figure(self) -> Any:
-        """Return the drawing of `plot` as a separate matplotlib figure."""
+        """Return the drawing of `plot` as a separate matplotlib figure.
+
+        Returns
+        -------
+        Figure
+            The figure.
+        """
         return self.plot().figure
 
     def _repr_html_(self) -> str:

@@ -76,11 +76,24 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
     solid: dict[str, FoundDesign] | None = column(
         "`base` and `best` by solid meshes of the whole plate; None without --verify-with solid"
     )
-    file: str = live(default="CASE")  # of the initial design
+    file: str = live("case file of the initial design", default="CASE")
 
     @classmethod
     def of_outcome(cls, outcome: Outcome, solid: dict[str, FoundDesign] | None = None) -> SearchResult:
-        """Return the result of a search."""
+        """Return the result of a search.
+
+        Parameters
+        ----------
+        outcome : Outcome
+            Evaluated designs, the initial and the best one.
+        solid : dict of FoundDesign, optional
+            `base` and `best` by solid meshes of the whole plate.
+
+        Returns
+        -------
+        SearchResult
+            The result.
+        """
         from pipeline.search.fidelity import MODELS
 
         listed = outcome.by_fidelity.items()
@@ -307,10 +320,11 @@ class Search(
     )  # fmt: skip
     goal: Goal = option(
         default="confinement",
-        help="goal: dB on the zone over the passive face; or over the plate beyond the rows; or the least value of the "
-        "first with all heights changed by tolerance.height_mm; or the width of the band around the target mode in "
-        "which the rows attenuate a wave by 10 dB; for several zones, each driven in turn: the first, the third, the "
-        "smallest dB on the driven zone over another one, or the smallest gap between them",
+        help="confinement: level of the zone over the passive face, dB; extension: over the plate beyond the rows; "
+        "worst: smallest confinement when tolerance.height_mm changes all heights; widest: width of the band around "
+        "the target mode in which the rows attenuate a wave by 10 dB; for several zones, each driven in turn: "
+        "confinement, worst, isolation (smallest level of the driven zone over another one, dB) or closest (smallest "
+        "gap between zones)",
     )
     evaluations: int = option(
         default=16,
@@ -335,7 +349,7 @@ class Search(
         at_least=0.0,
         at_most=1.0,
         metavar="SHARE",
-        help="smallest allowed modal assurance criterion with the target shape",
+        help="smallest allowed modal assurance criterion with the target shape, 0 to 1",
     )
     min_isolation_dB: float | None = option(
         default=None, unit="dB", at_least=1e-3, at_most=1e3, metavar="DB",

@@ -52,11 +52,12 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
     confinement_db: SpreadRecord | None = column("confinements at the peaks, dB")
     confined: int | None = column("number of confined samples")
     space_check: dict[str, float | None] = column(
-        "change of one sample when solved in the space of a narrower band; empty for a batch deviation"
+        "change of one sample when solved in the space of a narrower band: peak_hz in Hz, confinement_db in dB; empty "
+        "for a batch deviation"
     )
     interpolation_check: dict[str, float | None] = column(
-        "error of the interpolation between reductions, with all pillars two standard deviations from nominal; empty "
-        "for a batch deviation",
+        "error of the interpolation between reductions, with all pillars two standard deviations from nominal: peak_hz "
+        "in Hz, confinement_db in dB; empty for a batch deviation",
         default_factory=dict,
     )
     frequency_error: float | None = column(
@@ -112,7 +113,13 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         )
 
     def summary(self) -> Iterator[str]:
-        """Yield the statistics: frequencies and levels with the digits that their spread allows."""
+        """Yield the statistics: frequencies and levels with the digits that their spread allows.
+
+        Yields
+        ------
+        str
+            A line of text.
+        """
         from solvers.variation.cells import CHECKED
         from solvers.variation.samples import CUT
 

@@ -39,7 +39,18 @@ class TouchResult(Result, table="states", axes=("state",)):
     unknown: list[str] = column("reasons for missing figures, one sentence each")
 
     def state(self, name: str) -> TouchStateRecord | None:
-        """Return a state by name; None if it is impossible."""
+        """Return a state by name.
+
+        Parameters
+        ----------
+        name : {'free', 'touched', 'retuned', 'held', 'shaped'}
+            Name of the state.
+
+        Returns
+        -------
+        TouchStateRecord or None
+            Amplitudes, powers and voltages; None for an impossible state.
+        """
         return self.by_state.get(name)
 
     @property

@@ -31,7 +31,7 @@ class TravelResult(Result, axes=("x_m",)):
     dof: int = column("degrees of freedom that were solved for")
     frequency_hz: float = column("frequency of the wave, between those of its modes", "Hz", error="frequency_error")
     modes: list[PatternMode] = column("the two excited modes")
-    others: float = column("weight of suppressing all other modes")
+    others: float = column("weight of suppressing all other modes, relative to 1 for the two modes")
     twr: float = column("travelling-wave ratio within window_m: 1 travels, 0 stands", error="twr_error")
     alone_twr: float = column("travelling-wave ratio of the two shapes only", error="alone_twr_error")
     best_twr: float = column("best travelling-wave ratio with any voltages", error="best_twr_error")

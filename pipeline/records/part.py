@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, FrozenInstanceError, dataclass, field, fields, is_dataclass
 from functools import cache
+from inspect import cleandoc
 from itertools import product
 from math import isfinite
 from pathlib import Path
 from typing import Any, ClassVar, Self, dataclass_transform, get_args, get_type_hints
 
 DOCUMENT_SCHEMA = 2  # of JSON documents and of a study's list of cases
-ABOUT = "about"
+ABOUT, LIVE = "about", "live"
 BAR = "error bar of {} (half-width); None without an estimate"  # description of an error bar's column
 Axis = tuple[str, ...]
 
@@ -61,10 +62,17 @@ def bar(of: str, unit: str = "", **options: Any) -> Any:
     return column(BAR.format(of), unit, **{"default": None} | options)
 
 
-def live(*, default: Any = None, default_factory: Any = MISSING) -> Any:
+def live(about: str, unit: str = "", *, default: Any = None, default_factory: Any = MISSING) -> Any:
     """Declare a field that exists only in memory: shapes, a solved model. A result read from a file lacks it."""
     given = {"default": default} if default_factory is MISSING else {"default_factory": default_factory}
-    return field(**given, compare=False, repr=False)
+    return field(**given, compare=False, repr=False, metadata={LIVE: Column(about, unit)})
+
+
+def sentence(about: str, unit: str = "") -> str:
+    """Return a description as a sentence, with its unit before the first semicolon."""
+    first, semicolon, rest = about.partition(";")
+    head = first[:1].upper() + first[1:] if first.partition(" ")[0].rstrip(",:").isalpha() else first
+    return f"{head}{unit and f', in {unit}'}{semicolon}{rest}."
 
 
 class Frozen:
@@ -93,6 +101,7 @@ class Part:
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, kw_only=True)(cls)
         cls.declared = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}  # type: ignore[arg-type]
+        cls.__doc__ = _documented(cls)
 
     def __post_init__(self) -> None:
         for name in self.declared:
@@ -100,33 +109,99 @@ class Part:
 
     @classmethod
     def of(cls, source: Any, **more: Any) -> Self:
-        """Build the part from an object's fields of the same names, and more."""
+        """Build the part from an object's fields of the same names, and more.
+
+        Parameters
+        ----------
+        source : object
+            Object whose attributes are taken.
+        **more : object
+            Further fields, which take precedence.
+
+        Returns
+        -------
+        Part
+            The part.
+        """
         known = {name: getattr(source, name) for name in cls.declared if name not in more and hasattr(source, name)}
         return cls(**known, **more)
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
-        """Read the part that `to_dict` wrote. Raises pydantic.ValidationError for unknown fields."""
+        """Read the part that `to_dict` wrote.
+
+        Parameters
+        ----------
+        given : mapping
+            JSON values by field.
+
+        Returns
+        -------
+        Part
+            The part, without the fields that exist only in memory.
+
+        Raises
+        ------
+        pydantic.ValidationError
+            For missing or unknown fields.
+        """
         read: Self = _reader(cls).validate_python(dict(given))  # type: ignore[arg-type]
         return read
 
     @classmethod
     def required(cls) -> set[str]:
-        """Return the names of the fields that every such part has."""
+        """Return the names of the fields that every such part has.
+
+        Returns
+        -------
+        set of str
+            Declared fields without a default.
+        """
         given = {each.name: each for each in fields(cls)}  # type: ignore[arg-type]
         return {n for n in cls.declared if given[n].default is MISSING and given[n].default_factory is MISSING}
 
     def stored(self) -> Self:
-        """Return the part as read back from a file: only its declared fields, nothing that exists in memory."""
+        """Return the part as read back from a file.
+
+        Returns
+        -------
+        Part
+            Copy with the declared fields, without those that exist only in memory.
+        """
         return type(self).from_dict(self.values())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the declared fields as JSON values."""
+        """Return the declared fields as JSON values.
+
+        Returns
+        -------
+        dict
+            JSON values by field.
+        """
         return self.values()
 
     def values(self) -> dict[str, Any]:
-        """Return the declared fields as JSON values."""
+        """Return the declared fields as JSON values.
+
+        Returns
+        -------
+        dict
+            JSON values by field, also for results, whose `to_dict` adds their origin.
+        """
         return {name: _written(getattr(self, name)) for name in self.declared}
+
+
+def _documented(kind: type[Part]) -> str:
+    """Return the docstring of a part with its fields as parameters, from their declarations, before the examples."""
+    text, _, examples = cleandoc(kind.__doc__ or "").partition("\n>>> ")
+    lines = [text.rstrip(), "", "Parameters", "----------"]
+    for each in fields(kind):  # type: ignore[arg-type]
+        about = each.metadata[ABOUT if ABOUT in each.metadata else LIVE]
+        may_lack = each.default is not MISSING or each.default_factory is not MISSING
+        lines.append(f"{each.name} : {str(each.type).replace(' | ', ' or ')}{', optional' * may_lack}")
+        lines.append(f"    {sentence(about.about, about.unit)}")
+    shown = ["", "Examples", "--------", f">>> {examples}"] if examples else []
+    return "\n".join([*lines, *shown, ""])
 
 
 @cache

@@ -95,7 +95,7 @@ class FidelityResult(Part):
     isolation_error_db: float | None = bar("isolation_db", "dB", default=None)
     gap_mm: float | None = column("gap between the borders of two zones", "mm", default=None)
     why_not: str | None = column("reason why it could not be evaluated; None if it was", default=None)
-    warnings: list[tuple[str, str]] = live(default_factory=list)  # id and text of the solve's
+    warnings: list[tuple[str, str]] = live("id and text of each warning of the solve", default_factory=list)
 
 
 class FoundDesign(FidelityResult):
@@ -106,13 +106,18 @@ class FoundDesign(FidelityResult):
     )
     mass_kg: float | None = column("mass of plate and pillars without fillets", "kg")
     violations: list[str] = column("limits that it violates")
-    point: Values = live(default=())  # values of the variables in their order
-    # in dB or the goal's unit, negative if less is better; None if nothing was evaluated
-    goal_value: float | None = live()
-    objective: float = live(default=UNBUILT)
-    # ranks designs for the next model, and the local search maximises it: the goal minus a penalty that grows with the
-    # violation of a limit, without the slack that a cheap model otherwise has
-    penalised_objective: float = live(default=UNBUILT)
+    point: Values = live("values of the variables in their order", default=())
+    goal_value: float | None = live(
+        "value in dB or the goal's unit, negative if less is better; None if nothing was evaluated"
+    )
+    objective: float = live(
+        "the goal, or a negative penalty for a design that violates a limit or was not evaluated", default=UNBUILT
+    )
+    penalised_objective: float = live(
+        "goal minus a penalty that grows with the violation of a limit, without the slack that a cheap model otherwise "
+        "has: it ranks designs for the next model, and the local search maximises it",
+        default=UNBUILT,
+    )
 
     @property
     def keeps(self) -> bool:

@@ -75,11 +75,31 @@ def table() -> tuple[Measured, ...]:
 
 
 def by_hexahedra(part: str, mesh_level: MeshLevel, kind: str = HEX, growth: float = 1.0) -> float | None:
-    """Expected error of graded hexahedra with the safety factor of their kind; None where the mesh was not
-    measured.
+    """Look up the expected error of graded hexahedra, with the safety factor of their kind.
 
     At `growth` times the frequency that the planner calls the mesh good for, bending waves are sqrt(growth) shorter. Between
     two measured modes the straight line over logarithms, which no sum of powers exceeds; beyond the last h^(2 order).
+
+    Parameters
+    ----------
+    part : str
+        Reference part.
+    mesh_level : MeshLevel
+        Order, layers and element size.
+    kind : str, optional
+        Kind of safety factor.
+    growth : float, optional
+        Factor on the frequency, at least 1.
+
+    Returns
+    -------
+    float or None
+        Relative error of a frequency; None where the mesh was not measured.
+
+    Raises
+    ------
+    ValueError
+        If growth is below 1.
     """
     if growth < 1.0:
         raise ValueError(f"growth = {growth}: must be 1 or more")
@@ -100,25 +120,55 @@ def _grown(rows: list[Measured], growth: float) -> float:
 
 
 def by_tetrahedra(part: str, across: float) -> float | None:
-    """Expected error of quadratic tetrahedra by their number across the smallest dimension; None below the coarsest
-    measured.
+    """Look up the expected error of quadratic tetrahedra.
+
+    Parameters
+    ----------
+    part : str
+        Reference part.
+    across : float
+        Number of tetrahedra across the smallest dimension.
+
+    Returns
+    -------
+    float or None
+        Relative error of a frequency; None below the coarsest measured mesh.
     """
     rows = [row for row in table() if (row.part, row.kind, row.order) == (part, TET, TET_ORDER)]
     return _least(TET, [row for row in rows if row.across <= across * 1.01])
 
 
 def by_theory(part: str, theory: str, slender: float) -> float | None:
-    """Expected error of an analytic frequency at a ratio of the part's sides; None for a theory that was not
-    measured.
+    """Look up the expected error of an analytic frequency.
 
     Effects that beam and plate theories neglect (shear, rotary inertia, Poisson strain at a foot) grow as the ratio squared.
+
+    Parameters
+    ----------
+    part : str
+        Reference part.
+    theory : str
+        Name of the theory.
+    slender : float
+        Ratio of the part's sides, dimensionless.
+
+    Returns
+    -------
+    float or None
+        Relative error; None for a theory that was not measured.
     """
     rows = [row.error for row in table() if (row.part, row.kind) == (part, theory)]
     return SAFETY[HEX] * rows[0] * max(1.0, slender / SLENDER[part]) ** 2 if rows else None
 
 
 def mixing() -> float | None:
-    """Expected change of a confinement, as a fraction of the bound by `mode_mixing`."""
+    """Look up the expected change of a confinement, as a fraction of the bound by `mode_mixing`.
+
+    Returns
+    -------
+    float or None
+        Dimensionless; None without a measurement.
+    """
     return _least(HEX, [row for row in table() if (row.part, row.kind) == (PLATE, MIXING)])
 
 

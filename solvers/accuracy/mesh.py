@@ -123,19 +123,48 @@ class ErrorFractions:
 
 
 def shares_of(error: MeshError) -> ErrorFractions:
-    """Error fractions of a reduced cell whose changes by coarser meshes are known."""
+    """Return the error fractions of a reduced cell whose changes by coarser meshes are known.
+
+    Parameters
+    ----------
+    error : MeshError
+        The changes and their fractions.
+
+    Returns
+    -------
+    ErrorFractions
+        Correction and uncertainty.
+    """
     return ErrorFractions(
         error.taken, error.spread, error.edge, doubt=EDGE_UNCERTAINTY if error.edge else 0.0, order=error.order
     )
 
 
 def smooth_half_width(change: FloatArray, share: float, order: int, waves: float = 1.0) -> FloatArray:
-    """Relative error of order p away from edges, for frequencies that order p - 1 overestimates by `change` more.
+    """Estimate the relative error of order p away from edges, for frequencies that order p - 1 overestimates by `change` more.
 
-    It is `share` of the change, or more if waves, the cause of a fraction of the change, are short for the elements.
+    Order p misses C_p (k h)^(2p) of an eigenvalue, C_p = (p! / (2p)!)^2 / (2p + 1): a change s implies
+    w C_p / 2 (2 s / w C_(p-1))^(p/(p-1)) of a frequency, w = UNRESOLVED. It counts where it exceeds `share` of the change.
 
-    Order p misses C_p (k h)^(2p) of an eigenvalue, C_p = (p! / (2p)!)^2 / (2p + 1) (ainsworth2004): a change s
-    implies w C_p / 2 (2 s / w C_(p-1))^(p/(p-1)) of a frequency, w = UNRESOLVED.
+    Parameters
+    ----------
+    change : ndarray, any shape
+        Relative changes by the last order.
+    share : float
+        Least error, as a fraction of the change.
+    order : int
+        p.
+    waves : float, optional
+        Fraction of the change that is due to waves short for the elements.
+
+    Returns
+    -------
+    ndarray, shape of change
+        Relative half-widths.
+
+    References
+    ----------
+    .. [1] ainsworth2004 (docs/references.bib)
     """
     size = np.abs(change)
     if order < 2:
@@ -146,7 +175,18 @@ def smooth_half_width(change: FloatArray, share: float, order: int, waves: float
 
 
 def largest(half_widths: FloatArray) -> float | None:
-    """Largest of some half-widths; None without any, or if one is unknown (NaN)."""
+    """Return the largest of some half-widths.
+
+    Parameters
+    ----------
+    half_widths : ndarray, any shape
+        NaN where unknown.
+
+    Returns
+    -------
+    float or None
+        Relative, as given; None without any, or if one is unknown.
+    """
     return None if not half_widths.size or np.isnan(half_widths).any() else float(half_widths.max())
 
 
@@ -156,17 +196,57 @@ Rim = tuple[Material, Material]  # the wider part's material, and that of the na
 def rim_shares(
     plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, wall: float = pi / 2.0
 ) -> ErrorFractions:
-    """Error fractions at the rims of a foot and of `more` such rims (williams1952).
+    """Compute the error fractions at the rims of a foot and of further rims.
 
-    They lie between those of displacements normal to the rim and along it; wall: angle in rad that the pillar fills above its
-    foot.
+    They lie between those of displacements normal to the rim and along it.
+
+    Parameters
+    ----------
+    plate, pillar : Material
+        Materials that meet at the foot.
+    mesh : HexSettings
+        Order, layers and element size.
+    *more : Rim
+        Further rims.
+    wall : float, optional
+        Angle that the pillar fills above its foot, in rad.
+
+    Returns
+    -------
+    ErrorFractions
+        Correction and uncertainty, as fractions of the change between meshes.
+
+    References
+    ----------
+    .. [1] williams1952 (docs/references.bib)
     """
     edges = (*_edges(rim_wedges(plate, pillar, wall)), *_rim_edges(*more))
     return replace(_shares(edges, mesh, RIM_ROUGH, RANGES.get(mesh.order, 1.0)), doubt=EDGE_UNCERTAINTY)
 
 
 def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> ErrorFractions:
-    """Error fractions at the edges of a clamped face of a given thickness and at the rims of `more` (williams1952)."""
+    """Compute the error fractions at the edges of a clamped face and at further rims.
+
+    Parameters
+    ----------
+    material : Material
+        Of the clamped body.
+    mesh : HexSettings
+        Order, layers and element size.
+    *more : Rim
+        Further rims.
+    thickness_m : float, optional
+        Thickness of the face.
+
+    Returns
+    -------
+    ErrorFractions
+        Correction and uncertainty, as fractions of the change between meshes.
+
+    References
+    ----------
+    .. [1] williams1952 (docs/references.bib)
+    """
     edges = (Edge(clamped_edge_exponent(material), OUTER_ACROSS, 1.0), *_rim_edges(*more))
     is_long = mesh.size_m > thickness_m
     shares = replace(_shares(edges, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
@@ -251,10 +331,24 @@ class CoarserMeshes:
 
 
 def layer_share(reach: float, order: int, steps: int = 1) -> float:
-    """Error of order p in a layer exp(-a s), over the change by the last `steps` orders; reach = a h / 2, h the element length.
+    """Compute the error of order p in a layer exp(-a s), relative to the change by the last orders.
 
-    Degree n has (2n + 1) i_n(a h / 2)^2 of the strain's energy, i_n the modified spherical Bessel function, and order p all
-    degrees below p. Higher a leave more: the slowest layers, which reach farthest, carry most of the energy.
+    Degree n has (2n + 1) i_n(a h / 2)^2 of the strain energy, i_n the modified spherical Bessel function, and order p all
+    degrees below p. A larger a leaves more: the slowest layers, which reach farthest, carry most of the energy.
+
+    Parameters
+    ----------
+    reach : float
+        a h / 2, with h the length of an element (dimensionless).
+    order : int
+        p.
+    steps : int, optional
+        Number of orders whose change is the reference.
+
+    Returns
+    -------
+    float
+        Dimensionless.
     """
     from scipy.special import spherical_in  # slow to import
 
@@ -264,7 +358,22 @@ def layer_share(reach: float, order: int, steps: int = 1) -> float:
 
 
 def regular_share(order: int) -> float:
-    """Error of order p over the last order's change for a regular motion, whose error goes as p^(-2p) (babuska1981)."""
+    """Compute the error of order p of a regular motion relative to the last order's change; it goes as p^(-2p).
+
+    Parameters
+    ----------
+    order : int
+        p.
+
+    Returns
+    -------
+    float
+        Dimensionless.
+
+    References
+    ----------
+    .. [1] babuska1981 (docs/references.bib)
+    """
     return 1.0 / ((order / (order - 1.0)) ** (2 * order) - 1.0)
 
 
@@ -309,10 +418,23 @@ def _rise(
 def coarser_eigenvalues(
     fine: Pencil, coarse: Pencil, transfer: sp.csr_array, vectors: FloatArray, values: FloatArray
 ) -> FloatArray:
-    """Eigenvalues (k,) on the coarser mesh of M-orthonormal modes (dof, k) with eigenvalues (k,) on the finer one, in the
-    scale of `fine`.
+    """Compute the eigenvalues on a coarser mesh of modes of a finer one.
 
-    transfer (fine nodes, coarse nodes); both pencils have the same supports and mirrors.
+    Parameters
+    ----------
+    fine, coarse : Pencil
+        With the same supports and mirrors.
+    transfer : sparse array, shape (fine nodes, coarse nodes)
+        Interpolation between the meshes.
+    vectors : ndarray, shape (dof, k)
+        M-orthonormal modes on the finer mesh.
+    values : ndarray, shape (k,)
+        Their scaled eigenvalues.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Scaled as `fine`.
     """
     prolonged = sp.csr_array(sp.kron(transfer, sp.eye_array(3), format="csr"))[np.flatnonzero(fine.free)]
     return prolonged_eigenvalues(fine, coarse, prolonged[:, np.flatnonzero(coarse.free)], vectors, values)
@@ -321,7 +443,24 @@ def coarser_eigenvalues(
 def prolonged_eigenvalues(
     fine: PlainPencil, coarse: PlainPencil, prolonged: sp.csr_array, vectors: FloatArray, values: FloatArray
 ) -> FloatArray:
-    """Eigenvalues as in `coarser_eigenvalues`, with the prolongation (fine dof, coarse dof) between the pencils."""
+    """Compute the eigenvalues on a coarser mesh, as `coarser_eigenvalues`, from the prolongation between the pencils.
+
+    Parameters
+    ----------
+    fine, coarse : PlainPencil
+        Scaled K and M of both meshes.
+    prolonged : sparse array, shape (fine dof, coarse dof)
+        The prolongation.
+    vectors : ndarray, shape (dof, k)
+        M-orthonormal modes on the finer mesh.
+    values : ndarray, shape (k,)
+        Their scaled eigenvalues.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Scaled as `fine`.
+    """
     from scipy.optimize import linear_sum_assignment  # slow to import
 
     unit = (fine.scale.angular / coarse.scale.angular) ** 2
@@ -335,7 +474,18 @@ def prolonged_eigenvalues(
 
 
 def amid(values: FloatArray) -> float:
-    """A shift between eigenvalues above 0, or below them, next to their middle and clear of each."""
+    """Choose a shift between eigenvalues, or below them, next to their middle and clear of each.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k,)
+        Scaled eigenvalues above 0.
+
+    Returns
+    -------
+    float
+        Scaled.
+    """
     known = np.sort(values)
     between = np.concatenate([BELOW * known[:1], (known[1:] + known[:-1]) / 2.0])
     clear = np.abs(between[:, None] / known - 1.0).min(axis=1)

@@ -154,10 +154,29 @@ def extrapolated(
     shares: ErrorFractions,
     top_hz: float,
 ) -> Cell:
-    """The cell of the finer mesh less a fraction of the change of K_r and M_r on the mesh without its innermost layer.
+    """Correct a reduced cell by fractions of the changes of K_r and M_r on coarser meshes.
 
-    lower: the mesh of one order less; layer: the mesh without the layer, None where nothing is singular. The correction
-    is limited so that K and M stay positive; the rest counts as uncertain.
+    The correction is limited so that K and M stay positive definite; the rest counts as uncertain.
+
+    Parameters
+    ----------
+    cell : Cell
+        Reduced on the finer mesh.
+    fine : tuple of CellBuilder and list of SymmetryClass
+        The finer mesh.
+    lower : NestedBuilder
+        The mesh of one order less.
+    layer : NestedBuilder or None
+        The mesh without its innermost layer; None where nothing is singular.
+    shares : ErrorFractions
+        Fractions of the changes.
+    top_hz : float
+        Highest frequency of interest.
+
+    Returns
+    -------
+    Cell
+        With its mesh error.
     """
     builder, parts = fine
     meshes = [lower, layer] if layer else [lower]
@@ -168,7 +187,24 @@ def extrapolated(
 
 
 def recovered(cell: Cell, builder: CellBuilder, parts: list[SymmetryClass], recovery: StressRecovery) -> Cell:
-    """The cell of a mesh of tetrahedra, with most of the energy loss by stress recovery subtracted from K_r."""
+    """Correct a cell of tetrahedra: subtract most of the energy loss that stress recovery estimates from K_r.
+
+    Parameters
+    ----------
+    cell : Cell
+        Reduced on the mesh of tetrahedra.
+    builder : CellBuilder
+        The mesh.
+    parts : list of SymmetryClass
+        Its symmetry classes.
+    recovery : StressRecovery
+        The estimate.
+
+    Returns
+    -------
+    Cell
+        With its mesh error.
+    """
     none, loss = np.zeros_like(cell.mass), np.zeros_like(cell.stiffness)
     with one_thread():
         for part, place in zip(parts, builder.places(parts), strict=True):
@@ -180,9 +216,23 @@ def recovered(cell: Cell, builder: CellBuilder, parts: list[SymmetryClass], reco
 def mode_errors(
     plate: Joined, pencil: PlainPencil, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
 ) -> ModeErrors:
-    """Estimate for M-orthonormal modes (dof, k) of a symmetry class and its pencil, or for Bloch waves, which are complex.
+    """Estimate the errors of M-orthonormal modes of a symmetry class, or of Bloch waves, which are complex.
 
-    rims: of the half-width that the rims' singularities have.
+    Parameters
+    ----------
+    plate : AssembledPlate or BlochPlate
+        The joined cells.
+    pencil : PlainPencil
+        Its scaled K and M.
+    vectors : ndarray, shape (dof, k)
+        The modes.
+    rims : float, optional
+        Factor on the half-width due to the rims' singularities.
+
+    Returns
+    -------
+    ModeErrors
+        Relative errors of the frequencies, (k,) each.
     """
     value = energy(vectors, pencil.stiffness @ vectors)
     along = by_degrees(pencil, vectors, last_degree(plate))
@@ -199,9 +249,25 @@ def by_degrees(
     last: BoolArray,
     images: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
-    """Relative rise of M-orthonormal modes u (dof, k) without the part d that belongs to the last degree (dof,), (k,).
+    """Compute the relative rise of frequencies without the part d of each mode u that belongs to the last degree.
 
-    By Rayleigh's quotient of u - d, from K and M on d alone. images: K u and M u, where known.
+    By Rayleigh's quotient of u - d, from K and M on d alone.
+
+    Parameters
+    ----------
+    pencil : PlainPencil
+        Scaled K and M.
+    vectors : ndarray, shape (dof, k)
+        M-orthonormal modes u.
+    last : ndarray of bool, shape (dof,)
+        Degrees of freedom of the last degree.
+    images : tuple of ndarray, shape (dof, k), optional
+        K u and M u, if known.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Relative, at least 0.
     """
     where = np.flatnonzero(last)
     stiff, heavy = images or (pencil.stiffness @ vectors, pencil.mass @ vectors)
@@ -216,16 +282,43 @@ def by_degrees(
 
 
 def energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray) -> FloatArray:
-    """u^H v of each pair of columns, (k,)."""
+    """Compute u^H v of each pair of columns.
+
+    Parameters
+    ----------
+    vectors, images : ndarray, shape (n, k)
+        u and v.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Real parts.
+    """
     return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
 
 
 def by_mesh(
     plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
 ) -> tuple[FloatArray, FloatArray]:
-    """Relative correction of the frequencies of M-orthonormal modes (dof, k), and their error bars (half-widths), (k,) each.
+    """Compute the relative correction of modes' frequencies for the mesh, by Rayleigh's quotient, and its uncertainty.
 
-    By Rayleigh's quotient at scaled eigenvalues (k,); a half-width is NaN where a cell has no coarser mesh.
+    Parameters
+    ----------
+    plate : Assembly
+        The joined cells.
+    value : ndarray, shape (k,)
+        Scaled eigenvalues.
+    vectors : ndarray, shape (dof, k)
+        M-orthonormal modes.
+    rims : float, optional
+        Factor on the half-width due to the rims' singularities.
+
+    Returns
+    -------
+    taken : ndarray, shape (k,)
+        Relative corrections.
+    half_width : ndarray, shape (k,)
+        Relative error bars; NaN where a cell has no coarser mesh.
     """
     taken, rim, order, beyond = (np.zeros_like(value) for _ in range(4))
     for placed_cell in plate.placed_cells:
@@ -246,7 +339,22 @@ def by_mesh(
 
 
 def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:
-    """Half of l u' D u over the modes' l, D the residual flexibility of every cell, as large as it may be at l, (k,)."""
+    """Compute half of l u' D u over the modes' l, D the residual flexibility of every cell, as large as it may be at l.
+
+    Parameters
+    ----------
+    plate : Assembly
+        The joined cells.
+    value : ndarray, shape (k,)
+        Scaled eigenvalues l.
+    vectors : ndarray, shape (dof, k)
+        M-orthonormal modes u.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Relative errors of the frequencies.
+    """
     total = np.zeros_like(value)
     for placed_cell in plate.placed_cells:
         cell = placed_cell.cell
@@ -256,17 +364,54 @@ def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexAr
 
 
 def last_degree(plate: Joined, before: int = 0) -> BoolArray:
-    """Mask of the plate's bubbles of the highest degree, or of `before` degrees less, (dof,)."""
+    """Mask the plate's bubbles of the highest degree.
+
+    Parameters
+    ----------
+    plate : AssembledPlate or BlochPlate
+        The joined cells.
+    before : int, optional
+        So many degrees lower.
+
+    Returns
+    -------
+    ndarray of bool, shape (dof,)
+        True for these bubbles.
+    """
     return _dofs(plate, lambda cell: last_bubbles(cell, before))
 
 
 def last_bubbles(cell: Cell, before: int = 0) -> IntArray:
-    """The bubbles of the highest degree on the four sides, or of one so far before it."""
+    """List the bubbles of the highest degree on a cell's four sides.
+
+    Parameters
+    ----------
+    cell : Cell
+        The reduced cell.
+    before : int, optional
+        So many degrees lower.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        Degrees of freedom of the cell.
+    """
     return np.flatnonzero(cell.interface.along_side == cell.interface.along - before)
 
 
 def last_layer(cell: Cell) -> IntArray:
-    """The boundary functions of the highest degree through the thickness."""
+    """List the boundary functions of the highest degree through the thickness.
+
+    Parameters
+    ----------
+    cell : Cell
+        The reduced cell.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        Degrees of freedom of the cell.
+    """
     face = cell.interface
     return np.flatnonzero(np.arange(face.count) // 3 % face.layers == face.through)
 
@@ -279,11 +424,27 @@ def more_below(
     factorise: Factoriser | None = None,
     degrees: float = 0.0,
 ) -> int | None:
-    """Upper bound of the number of modes below a frequency that the reduced pencil lacks; None without a bound.
+    """Bound the number of modes below a frequency that the reduced pencil lacks.
 
-    `reduced`: the reduced pencil's own count there, rigid-body modes included, where it is known already; `factorise` shares
-    the symbolic analysis of the pencil's earlier solves; degrees: relative amount by which discarded degrees may
-    lower a mode of the meshes below the one that represents it.
+    Parameters
+    ----------
+    plate : AssembledPlate
+        The joined cells.
+    pencil : PlainPencil
+        Its scaled K and M.
+    edge_hz : float
+        The frequency.
+    reduced : int, optional
+        The reduced pencil's own count there, rigid-body modes included, if known.
+    factorise : Factoriser, optional
+        Shares the symbolic analysis of the pencil's earlier solves.
+    degrees : float, optional
+        Relative amount by which discarded degrees may lower a mode of the meshes below the one that represents it.
+
+    Returns
+    -------
+    int or None
+        Upper bound; None without one.
     """
     beyond_hz = edge_hz * (1.0 + degrees)
     value = pencil.scale.eigenvalue(beyond_hz)
@@ -301,12 +462,40 @@ def more_below(
 
 
 def reduction_error(lattice: ReducedLattice, wavevectors: FloatArray, count: int) -> ReductionError:
-    """Estimate for the `count` lowest bands at wavevectors (n, 2) in rad/m: the worst of them."""
+    """Estimate the truncation error of the lowest bands at some wavevectors: the worst of them.
+
+    Parameters
+    ----------
+    lattice : ReducedLattice
+        The reduced cell.
+    wavevectors : ndarray, shape (n, 2)
+        In rad/m.
+    count : int
+        Number of bands.
+
+    Returns
+    -------
+    ReductionError
+        Relative, by discarded modes and by degrees.
+    """
     return error_of_waves(lattice, [lattice.waves(k, count) for k in wavevectors])
 
 
 def error_of_waves(lattice: ReducedLattice, waves: Sequence[Waves]) -> ReductionError:
-    """Estimate as `reduction_error`, for waves that are already solved."""
+    """Estimate the truncation error, as `reduction_error`, of waves that are already solved.
+
+    Parameters
+    ----------
+    lattice : ReducedLattice
+        The reduced cell.
+    waves : sequence of Waves
+        At the wavevectors.
+
+    Returns
+    -------
+    ReductionError
+        Relative, by discarded modes and by degrees.
+    """
     estimates = [truncation(lattice, each) for each in waves]
     modes = max(float(each.max(initial=0.0)) for each, _ in estimates)
     parts = [each for _, each in estimates]
@@ -314,15 +503,41 @@ def error_of_waves(lattice: ReducedLattice, waves: Sequence[Waves]) -> Reduction
 
 
 def truncation(lattice: ReducedLattice, waves: Waves) -> tuple[FloatArray, FloatArray]:
-    """Relative error of each wave due to discarded modes, (n,), and its change by each degree along the sides, (degrees, n)
-    from 0 upwards; 0 for rigid-body waves.
+    """Compute the truncation error of each wave, 0 for rigid-body waves.
+
+    Parameters
+    ----------
+    lattice : ReducedLattice
+        The reduced cell.
+    waves : Waves
+        n waves at one wavevector.
+
+    Returns
+    -------
+    modes : ndarray, shape (n,)
+        Relative error due to discarded modes.
+    degrees : ndarray, shape (degrees, n)
+        Relative change by each degree along the sides, from 0 upwards.
     """
     modes = np.where(_moving(waves), waves.by_modes, 0.0)
     return modes, _brought(lattice, waves, lattice.cell.interface.along_side)
 
 
 def in_order(waves: Waves, rises: FloatArray) -> FloatArray:
-    """Rises (n,) of waves, relative, as sorted bands show them: waves that rise by more than others change places."""
+    """Compute the rises of sorted bands: waves that rise by more than others change places.
+
+    Parameters
+    ----------
+    waves : Waves
+        n waves at one wavevector.
+    rises : ndarray, shape (n,)
+        Relative rises of the waves.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Relative rises of the bands.
+    """
     moving = _moving(waves)
     value = np.where(moving, waves.eigenvalue, 1.0)
     risen = np.sort(np.where(moving, value * (1.0 + 2.0 * rises), 0.0))
@@ -330,12 +545,20 @@ def in_order(waves: Waves, rises: FloatArray) -> FloatArray:
 
 
 def further_degrees(parts: Sequence[FloatArray]) -> float:
-    """Possible change by further degrees along the sides, over that by the last degree: at most 1.
-
-    parts: for each wavevector the changes of its waves by the degrees, (degrees, n).
+    """Estimate the possible change by further degrees along the sides relative to that by the last degree: at most 1.
 
     Parts R_n of a degree n fall as q^(n/2) with the largest q = R_n / R_(n-2) seen: the next two bring (R_n + R_(n-1)) q.
     A degree below 5 shows no q of even and of odd ones.
+
+    Parameters
+    ----------
+    parts : sequence of ndarray, shape (degrees, n)
+        For each wavevector the changes of its waves by each degree.
+
+    Returns
+    -------
+    float
+        Dimensionless.
     """
     worst = np.max([part.max(axis=1, initial=0.0) for part in parts], axis=0)
     if len(worst) <= MIN_DEGREE or worst[-1] <= 0.0:
@@ -345,9 +568,25 @@ def further_degrees(parts: Sequence[FloatArray]) -> float:
 
 
 def cutoff_hz(lattice: ReducedLattice, wavevectors: FloatArray, count: int, target: float) -> float:
-    """The lowest cut-off of fixed-interface modes, Hz, that leaves the `count` lowest bands a half-width of at most `target`.
+    """Find the lowest cut-off of fixed-interface modes that keeps the error bars of the lowest bands within a target.
 
-    The lattice's own where none below it does. A mode's part in a wave shows what it would add to the residual flexibility.
+    A mode's part in a wave shows what it would add to the residual flexibility.
+
+    Parameters
+    ----------
+    lattice : ReducedLattice
+        The reduced cell.
+    wavevectors : ndarray, shape (n, 2)
+        In rad/m.
+    count : int
+        Number of bands.
+    target : float
+        Relative half-width.
+
+    Returns
+    -------
+    float
+        In Hz; the lattice's own cut-off if no lower one suffices.
     """
     cell, own = lattice.cell, lattice.cell.dropped_hz
     first = cell.interface.count
@@ -370,9 +609,21 @@ def cutoff_hz(lattice: ReducedLattice, wavevectors: FloatArray, count: int, targ
 
 
 def truncation_bars(rises: FloatArray, share: float = 1.0) -> FloatArray:
-    """Truncation error bars (half-widths) from the estimates of waves (wavevectors, bands), of the same shape; share: of them.
+    """Compute truncation error bars from the estimates of waves.
 
     A wave may hide an error that others of its band or of one below show; no error exceeds the worst of all.
+
+    Parameters
+    ----------
+    rises : ndarray, shape (wavevectors, bands)
+        Relative estimates.
+    share : float, optional
+        Factor on them.
+
+    Returns
+    -------
+    ndarray, shape (wavevectors, bands)
+        Relative half-widths.
     """
     worst = rises.max(initial=0.0)
     below = np.maximum.accumulate(rises.max(axis=0, initial=0.0))
@@ -380,7 +631,22 @@ def truncation_bars(rises: FloatArray, share: float = 1.0) -> FloatArray:
 
 
 def last_degree_through(lattice: ReducedLattice, wavevectors: FloatArray, count: int) -> float:
-    """Largest relative rise of the `count` lowest bands without the highest functions through the thickness."""
+    """Compute the largest relative rise of the lowest bands without the highest functions through the thickness.
+
+    Parameters
+    ----------
+    lattice : ReducedLattice
+        The reduced cell.
+    wavevectors : ndarray, shape (n, 2)
+        In rad/m.
+    count : int
+        Number of bands.
+
+    Returns
+    -------
+    float
+        Relative; 0 for linear functions, which have no lower degree to compare with.
+    """
     across = lattice.cell.interface.across
     if across.max() < 2:  # a plate of linear functions has no lower degree to compare with
         return 0.0
@@ -389,8 +655,23 @@ def last_degree_through(lattice: ReducedLattice, wavevectors: FloatArray, count:
 
 
 def waves_of(row: Periodic, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
-    """The `count` lowest frequencies of a row at a wavevector (2,) in rad/m, Hz, and their errors due to truncation
-    and to the cells' meshes.
+    """Compute the lowest waves of a row and their errors due to truncation and to the cells' meshes.
+
+    Parameters
+    ----------
+    row : Periodic
+        The row.
+    wavevector : ndarray, shape (2,)
+        In rad/m.
+    count : int
+        Number of waves.
+
+    Returns
+    -------
+    frequency_hz : ndarray, shape (count,)
+        Ascending.
+    errors : ModeErrors
+        Relative, (count,) each.
     """
     plate = row.at(wavevector)
     tones, waves = plate.waves(count)
@@ -404,10 +685,22 @@ def waves_of(row: Periodic, wavevector: FloatArray, count: int) -> tuple[FloatAr
 
 
 def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
-    """Discretisation error of each wave's frequency; 0 for rigid-body waves.
+    """Compute the discretisation error of each wave's frequency; 0 for rigid-body waves.
 
     By Rayleigh's quotients with the cell's changes on coarser meshes (`MeshError.changes`). A wave that the last order does
     not change may hide an error that lower waves at the same wavevector show (`ErrorFractions.of_modes`).
+
+    Parameters
+    ----------
+    cell : Cell
+        The reduced cell.
+    waves : Waves
+        n waves at one wavevector.
+
+    Returns
+    -------
+    MeshErrors
+        Relative corrections and half-widths, (n,) each; NaN without an estimate.
     """
     error = cell.mesh_error
     if error is None:

@@ -38,34 +38,112 @@ class Wedge:
 
 @lru_cache(maxsize=256)
 def edge_exponent(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FREE)) -> float:
-    """Smallest real part in (0, 1) of the exponents at an edge, 1 where nothing is singular.
+    """Compute the exponent of the singularity at an edge: the smallest real part in (0, 1), or 1 where nothing is singular.
 
-    wedges: bonded one to the next; faces: what holds the first and the last face, free or clamped (williams1952).
+    Parameters
+    ----------
+    wedges : tuple of Wedge
+        Bonded one to the next.
+    faces : tuple of {"free", "clamped"}, optional
+        Supports of the first and the last face.
+
+    Returns
+    -------
+    float
+        Exponent a of r^a, dimensionless.
+
+    References
+    ----------
+    .. [1] williams1952 (docs/references.bib)
     """
     return min(_lowest(lambda a: _in_plane(a, wedges, faces)), antiplane_exponent(wedges, faces))
 
 
 def rim_wedges(plate: Material, pillar: Material, wall: float = pi / 2.0) -> tuple[Wedge, Wedge]:
-    """Wedges at the rim of a foot: a half-space of the plate, and the pillar with its wall at an angle in rad."""
+    """Build the wedges at the rim of a foot: a half-space of the plate, and the pillar with its wall.
+
+    Parameters
+    ----------
+    plate, pillar : Material
+        Materials that meet at the foot.
+    wall : float, optional
+        Angle that the pillar fills above its foot, in rad.
+
+    Returns
+    -------
+    tuple of Wedge
+        Plate, then pillar.
+    """
     return Wedge(plate, pi), Wedge(pillar, wall)
 
 
 def clamped_edge_exponent(material: Material) -> float:
-    """Exponent where a clamped face meets a free one at a right angle."""
+    """Compute the exponent where a clamped face meets a free one at a right angle.
+
+    Parameters
+    ----------
+    material : Material
+        Of the body.
+
+    Returns
+    -------
+    float
+        Exponent a of r^a, dimensionless.
+    """
     return edge_exponent((Wedge(material, pi / 2.0),), (CLAMPED, FREE))
 
 
 @lru_cache(maxsize=256)
 def antiplane_exponent(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FREE)) -> float:
-    """Smallest exponent in (0, 1) of displacements along the edge, 1 where none is singular."""
+    """Compute the smallest exponent in (0, 1) of displacements along the edge, or 1 where none is singular.
+
+    Parameters
+    ----------
+    wedges : tuple of Wedge
+        Bonded one to the next.
+    faces : tuple of {"free", "clamped"}, optional
+        Supports of the first and the last face.
+
+    Returns
+    -------
+    float
+        Exponent a of r^a, dimensionless.
+    """
     return _lowest(lambda a: _along_edge(a, wedges, faces))
 
 
 def rim_error(exponent: float, order: int, factor: float, layers: int, outer_share: float = 1.0) -> float:
-    """Energy's error of elements of an order with layers of a factor towards the edge, for r^a on [0, 1].
+    """Compute the error in energy of elements with graded layers towards an edge, for r^a on [0, 1].
 
-    Each element has its own best polynomial (babuska1981): the innermost one the share f^(2aL) of the error of order p
-    without layers, the others what degree p - 1 leaves of the slope r^(a-1) on [f, 1], of which `outer_share` counts.
+    Each element has its own best polynomial: the innermost one the share f^(2aL) of the error of order p without layers, the
+    others what degree p - 1 leaves of the slope r^(a-1) on [f, 1], of which `outer_share` counts.
+
+    Parameters
+    ----------
+    exponent : float
+        a, dimensionless.
+    order : int
+        p.
+    factor : float
+        Ratio f of neighbouring layers, between 0 and 1.
+    layers : int
+        Number L of layers.
+    outer_share : float, optional
+        Factor on the error of the outer elements.
+
+    Returns
+    -------
+    float
+        Error in energy, dimensionless.
+
+    Raises
+    ------
+    ValueError
+        For a negative number of layers, or a factor outside (0, 1).
+
+    References
+    ----------
+    .. [1] babuska1981 (docs/references.bib)
     """
     if layers < 0 or not 0.0 < factor < 1.0:
         raise ValueError(f"{layers} layers of factor {factor}: must be 0 or more, between 0 and 1")

@@ -115,9 +115,30 @@ class Beam:
 def root_between(
     function: Callable[[float], float], low: float, high: float, xtol: float, rtol: float = 4e-16
 ) -> float:
-    """x between two ends where f changes its sign, within xtol + rtol |x|: inverse quadratic steps, else halving.
+    """Find a root between two ends where f changes its sign, by inverse quadratic steps or else halving.
 
-    Raises SolverError when the ends have the same sign or a value is not finite. Source: chandrupatla1997.
+    Parameters
+    ----------
+    function : callable
+        f at a float.
+    low, high : float
+        The ends, in the unit of the argument.
+    xtol, rtol : float
+        The root lies within xtol + rtol |x|: absolute in that unit, and relative.
+
+    Returns
+    -------
+    float
+        The root, in the unit of the ends.
+
+    Raises
+    ------
+    SolverError
+        If f has the same sign at both ends, or a value is not finite.
+
+    References
+    ----------
+    .. [1] chandrupatla1997 (docs/references.bib)
     """
     a, b = float(high), float(low)
     fa, fb = function(a), function(b)
@@ -143,21 +164,63 @@ def root_between(
 
 
 def roots_along(function: Callable[[float], float], grid: Iterable[float], xtol: float) -> Iterator[float]:
-    """The roots that `root_between` finds in the steps of an ascending grid over which the function changes its sign."""
+    """Find the roots in those steps of an ascending grid over which a function changes its sign.
+
+    Parameters
+    ----------
+    function : callable
+        f at a float.
+    grid : iterable of float
+        Ascending arguments, in any unit.
+    xtol : float
+        Absolute accuracy of a root, in the unit of the grid.
+
+    Yields
+    ------
+    float
+        A root, in the unit of the grid.
+    """
     for (low, at_low), (high, at_high) in pairwise((float(x), function(float(x))) for x in grid):
         if (at_low < 0.0) != (at_high < 0.0):
             yield root_between(function, low, high, xtol)
 
 
 def check_ends(*ends: str) -> None:
-    """Raise SolverError if an end condition is not clamped, pinned, sliding or free."""
+    """Check the names of end conditions.
+
+    Parameters
+    ----------
+    *ends : str
+        Names.
+
+    Raises
+    ------
+    SolverError
+        If one is not clamped, pinned, sliding or free.
+    """
     for end in ends:
         if end not in VANISHING:
             raise SolverError(f"end condition {end!r}: must be one of {', '.join(VANISHING)}")
 
 
 def rigid_count(left: End, right: End) -> int:
-    """Number of rigid-body modes the two ends leave: 2 for free-free, 1 for pinned-free, sliding-free, sliding-sliding."""
+    """Count the rigid-body modes that two ends leave: 2 for free-free, 1 for pinned-free, sliding-free and sliding-sliding.
+
+    Parameters
+    ----------
+    left, right : str
+        End conditions.
+
+    Returns
+    -------
+    int
+        0, 1 or 2.
+
+    Raises
+    ------
+    SolverError
+        For an unknown end condition.
+    """
     check_ends(left, right)
     constraints = np.array(
         [[1.0, s] if n == 0 else [0.0, 1.0] for s, end in ((0.0, left), (1.0, right)) for n in VANISHING[end] if n < 2]
@@ -166,9 +229,24 @@ def rigid_count(left: End, right: End) -> int:
 
 
 def roots(left: End, right: End, count: int) -> tuple[float, ...]:
-    """The first `count` values of beta L above 0 for the two ends; bracketed sign changes of the determinant.
+    """Compute the first values of beta L above 0 from sign changes of the determinant of the end conditions.
 
-    Raises SolverError for an unknown end condition or count < 0.
+    Parameters
+    ----------
+    left, right : str
+        End conditions.
+    count : int
+        Number of values.
+
+    Returns
+    -------
+    tuple of float
+        `count` values of beta L, ascending, dimensionless.
+
+    Raises
+    ------
+    SolverError
+        For an unknown end condition or a negative count.
     """
     check_ends(left, right)
     if count < 0:
@@ -178,7 +256,25 @@ def roots(left: End, right: End, count: int) -> tuple[float, ...]:
 
 @lru_cache(maxsize=512)
 def beam_mode(left: End, right: End, number: int) -> BeamMode:
-    """The elastic mode `number` (from 1) of a beam with these ends; its deflection at s = 1 is positive."""
+    """Compute an elastic mode of a beam; its deflection at s = 1 is positive.
+
+    Parameters
+    ----------
+    left, right : str
+        End conditions.
+    number : int
+        Number of the mode, from 1.
+
+    Returns
+    -------
+    BeamMode
+        The shape over s in [0, 1].
+
+    Raises
+    ------
+    SolverError
+        For a number below 1 or an unknown end condition.
+    """
     if number < 1:
         raise SolverError(f"mode number {number}: must be 1 or more")
     kappa = roots(left, right, number)[-1]
@@ -186,7 +282,23 @@ def beam_mode(left: End, right: End, number: int) -> BeamMode:
 
 
 def free_free_mode(nodes: int) -> BeamMode:
-    """The free-free shape with this number of nodes: 0 and 1 are rigid-body modes, N is elastic mode N - 1."""
+    """Compute the free-free shape with a number of nodes: 0 and 1 are rigid-body modes, N is elastic mode N - 1.
+
+    Parameters
+    ----------
+    nodes : int
+        N.
+
+    Returns
+    -------
+    BeamMode
+        The shape over s in [0, 1].
+
+    Raises
+    ------
+    SolverError
+        For a negative number.
+    """
     if nodes < 0:
         raise SolverError(f"nodal lines = {nodes}: must be 0 or more")
     if nodes < 2:
@@ -196,7 +308,18 @@ def free_free_mode(nodes: int) -> BeamMode:
 
 @lru_cache(maxsize=512)
 def antinodes(mode: BeamMode) -> tuple[float, ...]:
-    """Inner extrema of the shape, s in (0, 1), ascending: sign changes of the slope."""
+    """Find the inner extrema of a shape from sign changes of its slope.
+
+    Parameters
+    ----------
+    mode : BeamMode
+        The shape.
+
+    Returns
+    -------
+    tuple of float
+        s in (0, 1), ascending, dimensionless.
+    """
     if mode.kappa == 0.0:
         return ()
     grid = np.linspace(0.0, 1.0, 32 * (int(mode.kappa / pi) + 2) + 1)[1:-1]
@@ -204,12 +327,44 @@ def antinodes(mode: BeamMode) -> tuple[float, ...]:
 
 
 def frequency_hz(kappa: FloatArray, length_m: float, bending_n_m2: float, mass_kg_m: float) -> FloatArray:
-    """f = kappa^2/(2 pi L^2) sqrt(EI/(rho A)), Hz, shape of kappa, from L in m, EI in N m2, rho A in kg/m."""
+    """Compute f = kappa^2/(2 pi L^2) sqrt(EI/(rho A)).
+
+    Parameters
+    ----------
+    kappa : ndarray, any shape
+        beta L of the modes.
+    length_m : float
+        L.
+    bending_n_m2 : float
+        EI, in N m^2.
+    mass_kg_m : float
+        rho A, in kg/m.
+
+    Returns
+    -------
+    ndarray, shape of kappa
+        In Hz.
+    """
     return kappa**2 / (2.0 * pi * length_m**2) * sqrt(bending_n_m2 / mass_kg_m)
 
 
 def hermite(s: FloatArray, length_m: FloatArray | float, derivative: int = 0) -> FloatArray:
-    """Cubic shape functions of (w1, w1', w2, w2') and their derivatives over x at s = x/length in [0, 1], (..., 4)."""
+    """Evaluate the cubic shape functions of (w1, w1', w2, w2'), or their derivatives over x.
+
+    Parameters
+    ----------
+    s : ndarray, shape (...)
+        x/length, in [0, 1].
+    length_m : float or ndarray, shape (...)
+        Length of the element.
+    derivative : int, optional
+        Order of the derivative.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Values per unit of each nodal value.
+    """
     cubic = np.polynomial.Polynomial
     shapes = [cubic([1, 0, -3, 2]), cubic([0, 1, -2, 1]), cubic([0, 0, 3, -2]), cubic([0, 0, -1, 1])]
     columns = [(shape.deriv(derivative) if derivative else shape)(s) for shape in shapes]
@@ -220,9 +375,19 @@ def hermite(s: FloatArray, length_m: FloatArray | float, derivative: int = 0) ->
 
 
 def assemble_beam(nodes_m: FloatArray, sections: FloatArray) -> BeamMatrices:
-    """Element matrices by a Gauss rule that is exact for them, summed over the nodes.
+    """Assemble the matrices of a layered beam by a Gauss rule that is exact for its elements.
 
-    sections (n, 4): EA (N), ES (N m), EI (N m2) about the beam's middle plane and rho A (kg/m) of each element.
+    Parameters
+    ----------
+    nodes_m : ndarray, shape (n,)
+        Nodes, ascending.
+    sections : ndarray, shape (n - 1, 4)
+        EA (N), ES (N m), EI (N m^2) about the beam's middle plane and rho A (kg/m) of each element.
+
+    Returns
+    -------
+    BeamMatrices
+        Stretching, coupling, bending and mass.
     """
     count = len(nodes_m) - 1
     points, weights = legendre.leggauss(4)
@@ -242,7 +407,20 @@ def assemble_beam(nodes_m: FloatArray, sections: FloatArray) -> BeamMatrices:
 
 
 def deflection_rows(nodes_m: FloatArray, points_m: FloatArray) -> FloatArray:
-    """Rows that give w at points from the nodal (w, w'), shape (points, 2 n + 2)."""
+    """Interpolate w at points from the nodal (w, w').
+
+    Parameters
+    ----------
+    nodes_m : ndarray, shape (n,)
+        Nodes, ascending.
+    points_m : ndarray, shape (points,)
+        Places along the beam.
+
+    Returns
+    -------
+    ndarray, shape (points, 2 n)
+        Rows to multiply the nodal values with.
+    """
     element = np.clip(np.searchsorted(nodes_m, points_m, side="right") - 1, 0, len(nodes_m) - 2)
     length = np.diff(nodes_m)[element]
     values = hermite((points_m - nodes_m[element]) / length, length)
@@ -252,9 +430,26 @@ def deflection_rows(nodes_m: FloatArray, points_m: FloatArray) -> FloatArray:
 
 
 def beam_of(length_m: float, area_m2: float, about_m4: float, shear_factor: float, material: Material) -> Beam:
-    """A uniform beam along z from its section's area, second moment and shear factor.
+    """Build a uniform beam along z from its section.
 
-    Raises SolverError for a size that is not above 0.
+    Parameters
+    ----------
+    length_m, area_m2, about_m4 : float
+        Length in m, area in m^2 and second moment of area in m^4.
+    shear_factor : float
+        kappa, dimensionless.
+    material : Material
+        Of the whole beam.
+
+    Returns
+    -------
+    Beam
+        Rigidities and masses per length, in SI units.
+
+    Raises
+    ------
+    SolverError
+        For a size that is not above 0.
     """
     for what, value in (("length", length_m), ("section", min(area_m2, about_m4))):
         check_above_zero(f"beam {what}", value)
@@ -264,18 +459,51 @@ def beam_of(length_m: float, area_m2: float, about_m4: float, shear_factor: floa
 
 
 def check_beam(beam: Beam, count: int) -> None:
-    """Raise SolverError unless every size is finite and above 0 and at least one mode is requested."""
+    """Check the sizes of a beam and the requested number of modes.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam.
+    count : int
+        Number of modes.
+
+    Raises
+    ------
+    SolverError
+        Unless every size is finite and above 0 and the count is at least 1.
+    """
     sizes = (beam.length_m, beam.bending_n_m2, beam.shear_n, beam.mass_kg_m, beam.rotary_kg_m)
     if count < 1 or not all(np.isfinite(size) and size > 0.0 for size in sizes):
         raise SolverError(f"beam {sizes}, count {count}: every number must be finite and above 0")
 
 
 def ritz_frequencies_hz(beam: Beam, left: End, right: End, count: int, rigid_shear: bool = False) -> FloatArray:
-    """The first `count` elastic frequencies from above, Hz; for uniform beams exact_omegas is exact.
+    """Compute the first elastic frequencies of a beam by Ritz, from above; `exact_omegas` is exact for uniform beams.
 
     Minimises integral of EI psi'^2 + kappa G A (w' - psi)^2 over integral of rho A w^2 + rho I psi^2, to which a body on the
-    right end adds M (w + d psi)^2 + J psi^2 there; rigid_shear leaves the beam's shear and rotary inertia out
-    (Euler-Bernoulli). SolverError as exact_omegas.
+    right end adds M (w + d psi)^2 + J psi^2 there.
+
+    Parameters
+    ----------
+    beam : Beam
+        Uniform or tapered, with or without a body on its end.
+    left, right : str
+        End conditions.
+    count : int
+        Number of frequencies.
+    rigid_shear : bool, optional
+        Leave out the beam's shear and rotary inertia (Euler-Bernoulli).
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        In Hz.
+
+    Raises
+    ------
+    SolverError
+        For an unknown end, a count below 1, or a size that is not above 0.
     """
     check_ends(left, right)
     check_beam(beam, count)
@@ -285,7 +513,22 @@ def ritz_frequencies_hz(beam: Beam, left: End, right: End, count: int, rigid_she
 
 
 def ritz_omegas(beam: Beam, left: End, right: End, count: int) -> FloatArray:
-    """Dimensionless elastic frequencies omega sqrt(rho A L^4/EI), shape (count,)."""
+    """Compute the dimensionless elastic frequencies omega sqrt(rho A L^4/EI) by Ritz.
+
+    Parameters
+    ----------
+    beam : Beam
+        Uniform or tapered, with or without a body on its end.
+    left, right : str
+        End conditions.
+    count : int
+        Number of frequencies.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Ascending, dimensionless.
+    """
     degree = 2 * count + ENOUGH
     stiffness, mass = _matrices(beam, degree)
     from scipy.linalg import eigh, null_space  # slow to import, and uniform beams need none
@@ -297,11 +540,32 @@ def ritz_omegas(beam: Beam, left: End, right: End, count: int) -> FloatArray:
 
 
 def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
-    """The first `count` elastic frequencies in units of beam.unit_rad_s; rigid-body modes are left out.
+    """Solve Timoshenko's equations for the first elastic frequencies; rigid-body modes are left out.
 
     EI psi'' + kappa G A (w' - psi) + rho I omega^2 psi = 0, kappa G A (w'' - psi') + rho A omega^2 w = 0.
-    Raises SolverError for an unknown end, count < 1, a size that is not above 0, a tapered beam or a body on its end.
-    Source: timoshenko1921.
+
+    Parameters
+    ----------
+    beam : Beam
+        A uniform beam.
+    left, right : str
+        End conditions.
+    count : int
+        Number of frequencies.
+
+    Returns
+    -------
+    list of float
+        Ascending, in units of beam.unit_rad_s.
+
+    Raises
+    ------
+    SolverError
+        For an unknown end, a count below 1, a size that is not above 0, a tapered beam or a body on its end.
+
+    References
+    ----------
+    .. [1] timoshenko1921 (docs/references.bib)
     """
     check_ends(left, right)
     check_beam(beam, count)
@@ -314,9 +578,23 @@ def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
 
 
 def characteristic(omega: float, beam: Beam, left: str, right: str) -> float:
-    """Determinant of the four end conditions at the dimensionless frequency omega; 0 at an exact mode.
+    """Compute the determinant of the four end conditions; it is 0 at an exact mode.
 
     lambda^4 + (b + r omega^2) lambda^2 + r omega^2 b - omega^2 = 0, b = flexibility omega^2, r = rotation.
+
+    Parameters
+    ----------
+    omega : float
+        Dimensionless frequency.
+    beam : Beam
+        A uniform beam.
+    left, right : str
+        End conditions.
+
+    Returns
+    -------
+    float
+        The determinant, dimensionless.
     """
     return float(np.linalg.det(_timoshenko_end_matrix(omega, beam, left, right)))
 

@@ -79,18 +79,48 @@ class _Axis:
 
 
 def thin_plate_hz(strip: Strip, along_per_m: float, across_per_m: float = 0.0) -> float:
-    """Frequency of a Kirchhoff plate's wave from its wavenumbers along x and y, Hz: k^2 sqrt(D/(rho h)) of isotropic ones.
+    """Compute the frequency of a Kirchhoff plate's wave; k^2 sqrt(D/(rho h))/(2 pi) for an isotropic plate.
 
-    Source: leissa1969.
+    Parameters
+    ----------
+    strip : Strip
+        Sizes and layers of the plate.
+    along_per_m, across_per_m : float
+        Wavenumbers along x and y, in rad/m.
+
+    Returns
+    -------
+    float
+        In Hz.
+
+    References
+    ----------
+    .. [1] leissa1969 (docs/references.bib)
     """
     return sqrt(strip.wave_n_m3(along_per_m**2, across_per_m**2) / strip.stack.mass_kg_m2) / (2.0 * pi)
 
 
 def mindlin_wave_hz(strip: Strip, along_per_m: float, across_per_m: float = 0.0) -> float:
-    """Frequency of a Mindlin plate's bending wave from its wavenumbers along x and y, Hz, shear factor 5/6.
+    """Compute the frequency of a Mindlin plate's bending wave, with a shear factor of 5/6.
 
     Lower root of r b w^4 - (1 + (r + b) k^2) w^2 + k^4 = 0 with w^2 in units of D/(rho h), r = h^2/12 (rotary inertia),
-    b = D/(5/6 G h) (shear), D and G along the wave. Source: mindlin1951.
+    b = D/(5/6 G h) (shear), D and G along the wave.
+
+    Parameters
+    ----------
+    strip : Strip
+        Sizes and layers of the plate.
+    along_per_m, across_per_m : float
+        Wavenumbers along x and y, in rad/m.
+
+    Returns
+    -------
+    float
+        In Hz.
+
+    References
+    ----------
+    .. [1] mindlin1951 (docs/references.bib)
     """
     squares = along_per_m**2, across_per_m**2
     k2 = sum(squares)
@@ -103,21 +133,53 @@ def mindlin_wave_hz(strip: Strip, along_per_m: float, across_per_m: float = 0.0)
 
 
 def beam_function_hz(strip: Strip, nodal_lines: int) -> float:
-    """Thesis (2.25): f = 1/(2 pi) sqrt(D/(rho h)) (k^2 + (pi/W)^2), Hz, with the free-free beam's k: 0 for N = 0, 1.
+    """Compute the thesis' estimate (2.25), f = 1/(2 pi) sqrt(D/(rho h)) (k^2 + (pi/W)^2), with the free-free beam's k.
 
-    An estimate: the beam function meets neither the plate equation nor a plate's free edge (see levy_hz).
+    k is 0 for N = 0 and 1. The beam function satisfies neither the plate equation nor a plate's free edge (see levy_hz).
+
+    Parameters
+    ----------
+    strip : Strip
+        Sizes and layers of the zone.
+    nodal_lines : int
+        N.
+
+    Returns
+    -------
+    float
+        In Hz.
     """
     return thin_plate_hz(strip, free_free_mode(nodal_lines).kappa / strip.length_m, strip.across_per_m)
 
 
 def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
-    """kappa of the exact Kirchhoff mode with N nodal lines, pinned sides and free ends; omega = kappa^2 sqrt(D/rho h) of an
-    isotropic plate.
+    """Solve Levy's equation for kappa of the exact Kirchhoff mode with N nodal lines, pinned sides and free ends.
 
-    w = X(x) sin(pi y/W); free edge X'' = nu q^2 X, X''' = (2 - nu) q^2 X', q = pi/W. Even N:
-    a+^2 k sin(kL/2) + a-^2 s tanh(sL/2) cos(kL/2) = 0; odd N: a+^2 k cos(kL/2) tanh(sL/2) - a-^2 s sin(kL/2) = 0;
-    k^2 = kappa^2 - h q^2, s^2 = kappa^2 + h q^2, a+- = kappa^2 +- t q^2, with nu, h = 1 and t = 1 - nu the `levy_ratios`:
-    an orthotropic plate has others. SolverError for N < 0. Source: leissa1969.
+    omega = kappa^2 sqrt(D/(rho h)) for an isotropic plate. w = X(x) sin(pi y/W); free edge X'' = nu q^2 X,
+    X''' = (2 - nu) q^2 X', q = pi/W. Even N: a+^2 k sin(kL/2) + a-^2 s tanh(sL/2) cos(kL/2) = 0; odd N:
+    a+^2 k cos(kL/2) tanh(sL/2) - a-^2 s sin(kL/2) = 0; k^2 = kappa^2 - h q^2, s^2 = kappa^2 + h q^2, a+- = kappa^2 +- t q^2.
+    nu, h = 1 and t = 1 - nu are the `levy_ratios`; an orthotropic plate has others.
+
+    Parameters
+    ----------
+    strip : Strip
+        Sizes and layers of the zone.
+    nodal_lines : int
+        N.
+
+    Returns
+    -------
+    float
+        kappa, in rad/m.
+
+    Raises
+    ------
+    SolverError
+        For a negative N, or if the mode is not found.
+
+    References
+    ----------
+    .. [1] leissa1969 (docs/references.bib)
     """
     if nodal_lines < 0:
         raise SolverError(f"nodal lines = {nodal_lines}: must be 0 or more")
@@ -133,21 +195,69 @@ def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
 
 
 def levy_along_per_m2(strip: Strip, nodal_lines: int) -> float:
-    """Square k^2 of the same mode's wavenumber along x, rad2/m2; below 0 where it decays from the ends."""
+    """Compute the square k^2 of the Levy mode's wavenumber along x.
+
+    Parameters
+    ----------
+    strip : Strip
+        Sizes and layers of the zone.
+    nodal_lines : int
+        N.
+
+    Returns
+    -------
+    float
+        In rad^2/m^2; below 0 where the mode decays from the ends.
+    """
     return levy_wavenumber_per_m(strip, nodal_lines) ** 2 - strip.levy_ratios[1] * strip.across_per_m**2
 
 
 def levy_hz(strip: Strip, nodal_lines: int) -> float:
-    """Frequency of the exact Kirchhoff mode (0, N), pinned sides, free ends, Hz; see levy_wavenumber_per_m."""
+    """Compute the frequency of the exact Kirchhoff mode (0, N) with pinned sides and free ends; see levy_wavenumber_per_m.
+
+    Parameters
+    ----------
+    strip : Strip
+        Sizes and layers of the zone.
+    nodal_lines : int
+        N.
+
+    Returns
+    -------
+    float
+        In Hz.
+    """
     bent = strip.wave_n_m3(levy_along_per_m2(strip, nodal_lines), strip.across_per_m**2)
     return sqrt(bent / strip.stack.mass_kg_m2) / (2.0 * pi)
 
 
 def kirchhoff_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
-    """The thin-plate mode (0, N).
+    """Compute the thin-plate mode (0, N) by Ritz.
 
-    Energy 1/2 integral of D_11 w_xx^2 + D_22 w_yy^2 + 2 D_12 w_xx w_yy + 4 D_66 w_xy^2. SolverError for N < 0 or N > 40 or an
-    unknown side. Source: leissa1969.
+    Energy 1/2 integral of D_11 w_xx^2 + D_22 w_yy^2 + 2 D_12 w_xx w_yy + 4 D_66 w_xy^2.
+
+    Parameters
+    ----------
+    strip : Strip
+        Sizes and layers of the zone.
+    nodal_lines : int
+        N.
+    sides : {"pinned", "clamped"}
+        Support of the long sides.
+
+    Returns
+    -------
+    ZoneMode
+        Frequency in Hz and shape.
+
+    Raises
+    ------
+    SolverError
+        For N below 0 or above 40, or an unknown side.
+
+    References
+    ----------
+    .. [1] leissa1969 (docs/references.bib)
     """
     x, y = _along(strip, nodal_lines), _across(strip, _power(sides))
     d = strip.stack.bending_n_m
@@ -164,9 +274,32 @@ def kirchhoff_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
 
 
 def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
-    """The mode (0, N) with shear (factor 5/6) and rotary inertia; errors as kirchhoff_mode. Source: mindlin1951.
+    """Compute the mode (0, N) by Ritz with shear (factor 5/6) and rotary inertia.
 
     Pinned sides hold w and the rotation along the side, clamped ones every displacement.
+
+    Parameters
+    ----------
+    strip : Strip
+        Sizes and layers of the zone.
+    nodal_lines : int
+        N.
+    sides : {"pinned", "clamped"}
+        Support of the long sides.
+
+    Returns
+    -------
+    ZoneMode
+        Frequency in Hz and shape.
+
+    Raises
+    ------
+    SolverError
+        As `kirchhoff_mode`.
+
+    References
+    ----------
+    .. [1] mindlin1951 (docs/references.bib)
     """
     w = _along(strip, nodal_lines), _across(strip, 1)
     a = _along(strip, nodal_lines, odd_shift=1), w[1]
@@ -197,12 +330,35 @@ def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
 
 
 def lamb_hz(wavenumber_per_m: float, thickness_m: float, material: Material, symmetric: bool) -> float:
-    """Lowest Lamb wave, S0 (symmetric) or A0, Hz.
+    """Compute the frequency of the lowest Lamb wave, S0 or A0.
 
     A0: 4 k^2 q^2 [sin(qb)/q] cos(pb) + (q^2 - k^2)^2 [sin(pb)/p] cos(qb) = 0 with p^2 = w^2/c_l^2 - k^2,
-    q^2 = w^2/c_t^2 - k^2, b = h/2; S0 with sines and cosines exchanged. SolverError unless k and h are above 0,
-    GeometryError for a law that is not isotropic.
-    Source: lamb1917.
+    q^2 = w^2/c_t^2 - k^2, b = h/2; S0 with sines and cosines exchanged.
+
+    Parameters
+    ----------
+    wavenumber_per_m, thickness_m : float
+        k in rad/m, and h.
+    material : Material
+        An isotropic law.
+    symmetric : bool
+        S0 instead of A0.
+
+    Returns
+    -------
+    float
+        In Hz.
+
+    Raises
+    ------
+    SolverError
+        Unless k and h are above 0.
+    GeometryError
+        For a law that is not isotropic.
+
+    References
+    ----------
+    .. [1] lamb1917 (docs/references.bib)
     """
     if not (wavenumber_per_m > 0.0 and thickness_m > 0.0):
         raise SolverError(f"wavenumber {wavenumber_per_m} 1/m, thickness {thickness_m} m: both must be above 0")
@@ -225,14 +381,48 @@ def lamb_hz(wavenumber_per_m: float, thickness_m: float, material: Material, sym
 
 
 def supported_plate_hz(m: int, n: int, edges_m: tuple[float, float], thickness_m: float, material: Material) -> float:
-    """Flexural mode (m, n) of a rectangle on hard supports (u_z = 0, tangential u = 0), exact in three dimensions, Hz."""
+    """Compute the flexural mode (m, n) of a rectangle on hard supports (u_z = 0, tangential u = 0), exact in three dimensions.
+
+    Parameters
+    ----------
+    m, n : int
+        Half-waves along both edges.
+    edges_m : tuple of float
+        Lengths of both edges.
+    thickness_m : float
+        Thickness of the plate.
+    material : Material
+        An isotropic law.
+
+    Returns
+    -------
+    float
+        In Hz.
+    """
     return lamb_hz(pi * hypot(m / edges_m[0], n / edges_m[1]), thickness_m, material, False)
 
 
 def plate_modes(
     frequency_hz: float, length_m: float, width_m: float, thickness_m: float, material: Material, clamped_m: float = 0.0
 ) -> float:
-    """Modes below a frequency of a rectangular plate, `clamped_m` of its rim clamped: (A k^2 - R k)/(4 pi) + 1/4 a branch."""
+    """Estimate the number of modes of a rectangular plate below a frequency: (A k^2 - R k)/(4 pi) + 1/4 per branch.
+
+    Parameters
+    ----------
+    frequency_hz : float
+        The frequency.
+    length_m, width_m, thickness_m : float
+        Sizes of the plate.
+    material : Material
+        Of the plate.
+    clamped_m : float, optional
+        Length R of the clamped part of its rim.
+
+    Returns
+    -------
+    float
+        Expected number.
+    """
     area, waves = length_m * width_m, _branches(frequency_hz, thickness_m, material)
     if not clamped_m:
         return area * sum(k * k for k in waves) / (4.0 * pi)
@@ -241,8 +431,22 @@ def plate_modes(
 
 
 def pillar_modes(frequency_hz: float, pillar: Pillar) -> float:
-    """Modes below a frequency of a pillar on a clamped foot, h (n - 1/2) half-waves along it on every branch of its section;
-    with a heavy tip, of one as high as both whose own mass is that of both.
+    """Estimate the number of modes below a frequency of a pillar clamped at its foot.
+
+    Every branch of its section has h (n - 1/2) half-waves along the pillar. A tip mass counts as a pillar of the total height
+    and the total mass.
+
+    Parameters
+    ----------
+    frequency_hz : float
+        The frequency.
+    pillar : Pillar
+        Sizes and material.
+
+    Returns
+    -------
+    float
+        Expected number.
     """
     height, material = pillar.top_m, pillar.material
     side = sqrt(pillar.form.section.area_m2)
@@ -262,7 +466,22 @@ def pillar_modes(frequency_hz: float, pillar: Pillar) -> float:
 
 
 def highest_hz(count: float, modes_below: Callable[[float], float], start_hz: float = 1.0) -> float:
-    """The frequency below which a body has `count` modes, Hz, by bisection."""
+    """Find by bisection the frequency below which a body has a number of modes.
+
+    Parameters
+    ----------
+    count : float
+        Number of modes.
+    modes_below : callable
+        Expected number of modes below a frequency in Hz.
+    start_hz : float, optional
+        First trial.
+
+    Returns
+    -------
+    float
+        In Hz.
+    """
     high = start_hz
     while modes_below(high) < count:
         high *= 2.0

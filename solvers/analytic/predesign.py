@@ -80,7 +80,18 @@ class Predesign:
 
 
 def predesign(design: Design) -> Predesign:
-    """Size zone and pillar of a design by beam and plate theory; lengths that are NaN count as not given."""
+    """Size the zone and the pillar of a design by beam and plate theory; lengths that are NaN count as not given.
+
+    Parameters
+    ----------
+    design : Design
+        Lengths in m.
+
+    Returns
+    -------
+    Predesign
+        Sizes in m, frequencies in Hz, and the limits of the theories.
+    """
     strip = strip_of(design)
     zone = _zone_size(strip, design.nodal_lines) if strip else None
     pillar = _pillar_size(design.pillar, zone.frequency_hz if zone else None) if design.pillar else None
@@ -88,15 +99,35 @@ def predesign(design: Design) -> Predesign:
 
 
 def strip_of(design: Design) -> Strip | None:
-    """The bare zone of a design, or None when it has no zone or no thickness."""
+    """Return the isolated zone of a design.
+
+    Parameters
+    ----------
+    design : Design
+        Lengths in m.
+
+    Returns
+    -------
+    Strip or None
+        None if it has no zone or no thickness.
+    """
     if any(isnan(size) for size in (design.length_m, design.width_m, design.thickness_m)):
         return None
     return Strip(design.length_m, design.width_m, design.stack)
 
 
 def free_kx_per_m(design: Design) -> float:
-    """Wavenumber along the zone of the target mode between free ends, by the exact thin plate with pinned sides, rad/m; 0 for
-    the shapes that are rigid along x.
+    """Compute the wavenumber along the zone of the target mode between free ends, by the exact thin plate with pinned sides.
+
+    Parameters
+    ----------
+    design : Design
+        Lengths in m.
+
+    Returns
+    -------
+    float
+        In rad/m; 0 for the shapes that are rigid along x.
     """
     strip = strip_of(design)
     if strip is None or design.nodal_lines < 2:
@@ -105,9 +136,21 @@ def free_kx_per_m(design: Design) -> float:
 
 
 def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = False) -> Beam:
-    """The pillar as a beam on its clamped foot, fillet left out: bent about x, or about the axis where it is weaker.
+    """Model the pillar as a beam on its clamped foot, without fillet; a tip mass is a rigid block on its end.
 
-    A heavy tip is a rigid block on its end.
+    Parameters
+    ----------
+    pillar : Pillar
+        Sizes in m.
+    height_m : float, optional
+        In the place of the pillar's own height.
+    about_x : bool, optional
+        Bend it about x, else about the axis where it is weaker.
+
+    Returns
+    -------
+    Beam
+        In SI units.
     """
     form, material = pillar.form, pillar.material
     section, height = form.section, pillar.height_m if height_m is None else height_m
@@ -119,14 +162,44 @@ def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = F
 
 
 def tip_body(tip: Tip) -> EndBody:
-    """A heavy tip as a rigid block: M, M (side^2 + height^2)/12 about its centre, which lies half its height above."""
+    """Model a tip mass as a rigid block: M, and M (side^2 + height^2)/12 about its centre, half its height above the pillar.
+
+    Parameters
+    ----------
+    tip : Tip
+        Sizes in m.
+
+    Returns
+    -------
+    EndBody
+        Mass in kg, moment of inertia in kg m^2 and arm in m.
+    """
     return EndBody(tip.mass_kg, tip.mass_kg * (tip.side_m**2 + tip.height_m**2) / 12.0, tip.height_m / 2.0)
 
 
 def pillar_frequencies_hz(
     pillar: Pillar, theory: Theory, count: int = 1, height_m: float | None = None, about_x: bool = False
 ) -> FloatArray:
-    """The first `count` bending frequencies of the pillar on its clamped foot, shape (count,), Hz."""
+    """Compute the first bending frequencies of the pillar on its clamped foot.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        Sizes in m.
+    theory : {"euler", "timoshenko"}
+        Without or with shear and rotary inertia.
+    count : int, optional
+        Number of frequencies.
+    height_m : float, optional
+        In the place of the pillar's own height.
+    about_x : bool, optional
+        Bend it about x, else about the axis where it is weaker.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        In Hz.
+    """
     beam = pillar_beam(pillar, height_m, about_x)
     if beam.width_ratio is not None or beam.end is not None:
         return ritz_frequencies_hz(beam, "clamped", "free", count, rigid_shear=theory == "euler")
@@ -136,7 +209,27 @@ def pillar_frequencies_hz(
 
 
 def pillar_height_m(pillar: Pillar, target_hz: float, theory: Theory) -> float:
-    """Height whose first bending frequency is target_hz, the section kept; SolverError unless target_hz > 0."""
+    """Find the height whose first bending frequency is a given one, for the same section.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        Sizes in m.
+    target_hz : float
+        The frequency.
+    theory : {"euler", "timoshenko"}
+        Without or with shear and rotary inertia.
+
+    Returns
+    -------
+    float
+        In m.
+
+    Raises
+    ------
+    SolverError
+        Unless target_hz is above 0.
+    """
     check_above_zero("frequency", target_hz)
 
     def first_hz(height_m: float) -> float:
@@ -146,9 +239,26 @@ def pillar_height_m(pillar: Pillar, target_hz: float, theory: Theory) -> float:
 
 
 def zone_width_m(strip: Strip, nodal_lines: int, target_hz: float) -> float:
-    """Width between pinned sides that puts the mode (0, N) at target_hz (Levy).
+    """Find the width between pinned sides that gives the mode (0, N) a frequency (Levy).
 
-    SolverError when even an infinitely wide zone is above: the free-free beam bound of N half-waves along x.
+    Parameters
+    ----------
+    strip : Strip
+        Length and layers of the zone.
+    nodal_lines : int
+        N.
+    target_hz : float
+        The frequency.
+
+    Returns
+    -------
+    float
+        In m.
+
+    Raises
+    ------
+    SolverError
+        If even an infinitely wide zone lies above: the bound of N half-waves along x on a free-free beam.
     """
     check_above_zero("frequency", target_hz)
     try:
@@ -159,7 +269,25 @@ def zone_width_m(strip: Strip, nodal_lines: int, target_hz: float) -> float:
 
 
 def min_nodal_lines(strip: Strip, half_wavelength_m: float) -> int:
-    """Smallest N whose half-wavelength L/(N - 1/2) does not exceed the requested one."""
+    """Compute the smallest N whose half-wavelength L/(N - 1/2) does not exceed the requested one.
+
+    Parameters
+    ----------
+    strip : Strip
+        Length of the zone.
+    half_wavelength_m : float
+        Largest half-wavelength.
+
+    Returns
+    -------
+    int
+        At least 2.
+
+    Raises
+    ------
+    SolverError
+        Unless the half-wavelength is above 0.
+    """
     check_above_zero("half-wavelength", half_wavelength_m)
     return max(2, ceil(strip.length_m / half_wavelength_m + 0.5 - 1e-9))
 
@@ -221,10 +349,11 @@ def _limits(design: Design, zone: ZoneSize | None, pillar: PillarSize | None) ->
 
 
 def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
-    text = zone.formula_hz / zone.frequency_hz - 1.0
+    error = zone.formula_hz / zone.frequency_hz - 1.0
     lines = [
-        f"zone: the beam-function formula gives {zone.formula_hz / 1e3:.3g} kHz, {100 * text:+.1f} % from the exact thin "
-        f"plate {zone.frequency_hz / 1e3:.3g} kHz: it does not meet a plate's free ends"
+        f"zone: the beam-function formula gives {zone.formula_hz / 1e3:.3g} kHz, {100 * abs(error):.1f} % "
+        f"{'below' if error < 0.0 else 'above'} the exact thin plate's {zone.frequency_hz / 1e3:.3g} kHz: it does not satisfy "
+        "the conditions at a plate's free ends"
     ]
     if zone.half_wavelength_m is not None:
         finger = "below" if zone.half_wavelength_m < FINGER_M else "not below"
@@ -239,7 +368,7 @@ def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
         f"zone: shear and rotary inertia change the frequency by {100 * (zone.pinned_hz / zone.frequency_hz - 1):+.1f} % "
         f"with pinned sides and {100 * (zone.clamped_hz / zone.thin_clamped_hz - 1):+.1f} % with clamped ones (Mindlin)",
         f"zone: between {zone.pinned_hz / 1e3:.3g} kHz (pinned sides) and {zone.clamped_hz / 1e3:.3g} kHz (clamped sides), "
-        "whichever the rows of pillars come near to (Mindlin)",
+        "depending on how firmly the rows of pillars hold its sides (Mindlin)",
     ]
 
 

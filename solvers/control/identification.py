@@ -73,8 +73,22 @@ class Identified:
 
 
 def fit_circle(points: ComplexArray) -> Circle:
-    """Least-squares circle: algebraic start |z|^2 + b x + c y + d = 0, then distances. SolverError for fewer than 4 points
-    or points on a line.
+    """Fit a circle by least squares: an algebraic start |z|^2 + b x + c y + d = 0, then the distances.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n,)
+        Complex points, in any one unit.
+
+    Returns
+    -------
+    Circle
+        Centre and radius in that unit, and the rms misfit over the radius.
+
+    Raises
+    ------
+    SolverError
+        For fewer than 4 points, or points on a line.
     """
     if points.size < 4:
         raise SolverError(f"a circle needs at least 4 points, not {points.size}")
@@ -99,7 +113,20 @@ def fit_circle(points: ComplexArray) -> Circle:
 
 
 def fit_phase(frequencies_hz: FloatArray, angles: FloatArray) -> tuple[float, float, float]:
-    """f0 (Hz), tau (s), theta_0 of theta = theta_0 - 2 atan(tau (omega^2 - omega_0^2)/(2 omega)), angles unwrapped."""
+    """Fit theta = theta_0 - 2 atan(tau (omega^2 - omega_0^2)/(2 omega)) to the angle around a circle.
+
+    Parameters
+    ----------
+    frequencies_hz : ndarray, shape (n,)
+        Ascending.
+    angles : ndarray, shape (n,)
+        Unwrapped, in rad.
+
+    Returns
+    -------
+    f0, tau, theta_0 : float
+        Resonance in Hz, time constant in s, angle at resonance in rad.
+    """
     f = frequencies_hz
     steepest = int(np.argmax(np.abs(np.diff(angles) / np.diff(f))))
     start_hz = 0.5 * (f[steepest] + f[steepest + 1])
@@ -116,11 +143,29 @@ def fit_phase(frequencies_hz: FloatArray, angles: FloatArray) -> tuple[float, fl
 
 
 def identify(sweep: Sweep, sensor: Sensor = "velocity", delay_s: float = 0.0) -> Identified:
-    """The mode of a sweep across its resonance.
+    """Identify the mode of a sweep across its resonance.
 
-    delay_s: its known part. A real mode's gain has the phase 0 or pi for velocity, -pi/2 or pi/2 for displacement (that
-    response is taken times j omega/omega_0); what is left of it, within a quarter of a turn, is delay that was not known.
-    SolverError if the points do not form a circle or cover less than a quarter of one.
+    A real mode's gain has the phase 0 or pi for velocity, and -pi/2 or pi/2 for displacement (that response is multiplied by
+    j omega/omega_0). A remaining phase within a quarter of a turn is attributed to an unknown delay.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Frequencies in Hz and the complex response.
+    sensor : {"velocity", "displacement"}, optional
+        Quantity that the response measures.
+    delay_s : float, optional
+        Known part of the delay.
+
+    Returns
+    -------
+    Identified
+        Mode, delay, background and circle, with errors from the scatter of the points.
+
+    Raises
+    ------
+    SolverError
+        If the points do not form a circle, or cover less than a quarter of one.
     """
     velocity = _as_velocity(sweep, sensor)
     for _ in range(3):
@@ -194,9 +239,25 @@ def sweep_of(
     delay_s: float = 0.0,
     feedthrough: complex = 0.0,
 ) -> Sweep:
-    """The steady response of several modes through a delay.
+    """Compute the steady response of several modes through a delay.
 
-    sensor: displacement is velocity over j omega/omega_n of each mode, so that its gain keeps its size.
+    Parameters
+    ----------
+    modes : sequence of ModePlant
+        Their responses are added.
+    frequencies_hz : ndarray, shape (n,)
+        Frequencies of the sweep.
+    sensor : {"velocity", "displacement"}, optional
+        Displacement divides each mode by j omega/omega_n, so that its gain keeps its size.
+    delay_s : float, optional
+        Delay of the whole response.
+    feedthrough : complex, optional
+        Constant part of the response, in its unit.
+
+    Returns
+    -------
+    Sweep
+        The frequencies with the complex response (n,).
     """
     omega = 2.0 * pi * np.asarray(frequencies_hz, dtype=float)
     total = np.full(omega.shape, feedthrough, dtype=complex)
@@ -206,7 +267,22 @@ def sweep_of(
 
 
 def noisy(sweep: Sweep, rms: float, seed: int = 1) -> Sweep:
-    """The sweep with complex noise per point."""
+    """Add circular complex Gaussian noise to every point of a sweep.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Response without noise.
+    rms : float
+        Root mean square of the noise, in the unit of the response.
+    seed : int, optional
+        Seed of the random numbers.
+
+    Returns
+    -------
+    Sweep
+        The same frequencies with the noisy response.
+    """
     random, shape = np.random.default_rng(seed), sweep.response.shape
     scatter = rms * (random.normal(size=shape) + 1j * random.normal(size=shape)) / np.sqrt(2.0)
     return Sweep(sweep.frequencies_hz, sweep.response + scatter)
@@ -239,7 +315,24 @@ class Resonance:
 
 
 def resonance(sweep: Sweep, sensor: Sensor) -> Resonance:
-    """Identify the mode at a sweep's highest point. Source: ewins2000."""
+    """Identify the mode at a sweep's highest point.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Frequencies in Hz and the complex response.
+    sensor : {"velocity", "displacement"}
+        Quantity that the response measures.
+
+    Returns
+    -------
+    Resonance
+        Peak, frequency and quality factor; from the half-power width if no circle fits, with the reason.
+
+    References
+    ----------
+    .. [1] ewins2000 (docs/references.bib)
+    """
     amplitude = np.abs(sweep.response)
     peak = int(np.argmax(amplitude))
     low, high = _about(amplitude, peak)
@@ -271,13 +364,39 @@ def _about(amplitude: FloatArray, peak: int) -> tuple[int, int]:
 
 
 def half_power_quality_factor(frequency_hz: FloatArray, amplitude: FloatArray, peak: int) -> float | None:
-    """f0 over the width at 1/sqrt(2) of the peak; None when a side does not fall that far."""
+    """Divide the frequency of a peak by its width at 1/sqrt(2) of its height.
+
+    Parameters
+    ----------
+    frequency_hz, amplitude : ndarray, shape (n,)
+        The curve; amplitudes in any one unit.
+    peak : int
+        Index of the peak.
+
+    Returns
+    -------
+    float or None
+        Quality factor, dimensionless; None if a side does not fall that far.
+    """
     ends = half_power_points(frequency_hz, amplitude, peak)
     return None if ends is None else float(frequency_hz[peak] / (ends[1] - ends[0]))
 
 
 def half_power_points(frequency_hz: FloatArray, amplitude: FloatArray, peak: int) -> tuple[float, float] | None:
-    """Interpolated crossings of 1/sqrt(2) of the peak below and above it; None when a side does not fall that far."""
+    """Interpolate where a curve crosses 1/sqrt(2) of its peak, below and above it.
+
+    Parameters
+    ----------
+    frequency_hz, amplitude : ndarray, shape (n,)
+        The curve; amplitudes in any one unit.
+    peak : int
+        Index of the peak.
+
+    Returns
+    -------
+    tuple of float, or None
+        Both frequencies in Hz; None if a side does not fall that far.
+    """
     last = len(amplitude) - 1
     if max(amplitude[: peak + 1].min(), amplitude[peak:].min()) > amplitude[peak] / np.sqrt(2.0):
         return None

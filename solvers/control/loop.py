@@ -70,7 +70,25 @@ class ModePlant:
 
 
 def stretched_detuning(omega: ArrayLike, omega_0: float) -> FloatArray:
-    """(omega^2 - omega_0^2)/(2 omega), rad/s: the detuning for which the circle of U is exact; near omega - omega_0."""
+    """Compute the detuning (omega^2 - omega_0^2)/(2 omega) for which the circle of U is exact; near resonance omega - omega_0.
+
+    Parameters
+    ----------
+    omega : array_like, any shape
+        Angular frequencies above 0, in rad/s.
+    omega_0 : float
+        Angular frequency of the mode, in rad/s.
+
+    Returns
+    -------
+    ndarray, shape of omega
+        In rad/s.
+
+    Raises
+    ------
+    SolverError
+        If a frequency is not finite and above 0.
+    """
     w = checked_frequencies(omega)
     return np.asarray((w**2 - omega_0**2) / (2.0 * w))
 
@@ -91,9 +109,24 @@ class Pi:
 
 
 def pi_gains(plant: ModePlant, response_s: float) -> Pi:
-    """Pole compensation: K_i = 1/(tau_d G), K_p = tau K_i with tau the plant's; the loop is 1/(tau_d s + 1).
+    """Cancel the plant's pole: K_i = 1/(tau_d G), K_p = tau K_i; the loop becomes 1/(tau_d s + 1).
 
-    response_s is tau_d; 95 % are reached after tau_d ln 20. SolverError unless it is above 0.
+    Parameters
+    ----------
+    plant : ModePlant
+        Mode with time constant tau and gain G.
+    response_s : float
+        tau_d; 95 % of a step are reached after tau_d ln 20.
+
+    Returns
+    -------
+    Pi
+        Proportional and integral gain.
+
+    Raises
+    ------
+    SolverError
+        If response_s is not above 0.
     """
     check_above_zero("response in s", response_s)
     integral = 1.0 / (response_s * abs(plant.gain))
@@ -113,7 +146,29 @@ class SampledPi:
 
 
 def sampled_gains(plant: ModePlant, response_s: float, period_s: float, proportional_max: float = inf) -> SampledPi:
-    """Gains of the sampled loop; K_p at most proportional_max and at least a tenth of 1/G. SolverError as pi_gains."""
+    """Compute the gains of the sampled loop that cancels the plant's pole.
+
+    Parameters
+    ----------
+    plant : ModePlant
+        Mode with time constant tau and gain G.
+    response_s : float
+        Time constant of the closed loop.
+    period_s : float
+        Sampling period.
+    proportional_max : float, optional
+        Largest K_p, in the unit of 1/G; K_p is never below a tenth of 1/G.
+
+    Returns
+    -------
+    SampledPi
+        The gains, and whether K_p is bounded.
+
+    Raises
+    ------
+    SolverError
+        If response or period is not above 0.
+    """
     check_above_zero("response, period in s", response_s, period_s)
     pole, desired = exp(-period_s / plant.tau_s), exp(-period_s / response_s)
     size = abs(plant.gain)
@@ -142,10 +197,33 @@ class Feasibility:
 def feasibility(
     plant: ModePlant, reference: float, response_s: float, drive_limit: float, detuning_rad_s: float = 0.0
 ) -> Feasibility:
-    """Drive for U = r (1 - e^{-t/tau_d}): |V| = |tau U' + (1 + j tau d) U|/G, largest at one of its ends.
+    """Compute the drive for U = r (1 - e^{-t/tau_d}): |V| = |tau U' + (1 + j tau d) U|/G, largest at one of its ends.
 
     At full drive |U| can rise as G V (1 - e^{-t/tau}) whatever the detuning, because the drive may turn with the mode.
-    95 % then take -tau ln(1 - 0.95 r/(G V)). SolverError unless reference, tau_d and limit are above 0.
+    95 % then take -tau ln(1 - 0.95 r/(G V)).
+
+    Parameters
+    ----------
+    plant : ModePlant
+        Mode with time constant tau and gain G.
+    reference : float
+        Amplitude r, in the unit of U.
+    response_s : float
+        Time constant tau_d of the closed loop.
+    drive_limit : float
+        Largest drive, in the unit of V.
+    detuning_rad_s : float, optional
+        Detuning d of the drive, in rad/s.
+
+    Returns
+    -------
+    Feasibility
+        Steady and peak drive, whether they are within the limit, and the shortest time to 95 %.
+
+    Raises
+    ------
+    SolverError
+        If reference, response or limit is not above 0.
     """
     check_above_zero("reference, response, drive limit", reference, response_s, drive_limit)
     size = abs(plant.gain)
@@ -295,14 +373,47 @@ class Trace:
 
 
 def step_response(setup: Setup, reference: float, seconds: float = 20e-3) -> Trace:
-    """Simulate a step from rest to a reference at time 0, right after a slow step, the worst moment."""
+    """Simulate a step from rest to a reference at time 0, right after a slow step, the worst moment.
+
+    Parameters
+    ----------
+    setup : Setup
+        Plate, controller and rates.
+    reference : float
+        Amplitude, in the unit of the sensor.
+    seconds : float, optional
+        Simulated time, in s.
+
+    Returns
+    -------
+    Trace
+        Phasors and drives, one per period.
+
+    Raises
+    ------
+    SolverError
+        If the reference is not above 0.
+    """
     check_above_zero("reference", reference)
     periods = max(round(seconds / setup.rates.period_s), 1)
     return run(setup, np.full(periods, reference))
 
 
 def run(setup: Setup, references: FloatArray) -> Trace:
-    """The loop from rest, one reference a period."""
+    """Simulate the loop from rest, with one reference per period.
+
+    Parameters
+    ----------
+    setup : Setup
+        Plate, controller and rates.
+    references : ndarray, shape (periods,)
+        Amplitudes, in the unit of the sensor.
+
+    Returns
+    -------
+    Trace
+        Times in s, references, measured phasors, drives and whether they are limited, (periods,) each.
+    """
     plate, control = Plate(setup), Controller(setup)
     start = (setup.rates.gap + (setup.rates.period - setup.rates.gap - 1) / 2.0) / setup.rates.sample_rate_hz
     measured, drives, limited = [], [], []

@@ -64,9 +64,21 @@ class Doubts:
 
 
 def doubts(forced: ForcedPlate, share: float | None, modes: list[GroupModes] | None = None) -> Doubts | None:
-    """Uncertainties of a plate, or of more modes than it drives; None if a part of them is unknown.
+    """Collect the uncertainties of a driven plate.
 
-    share: see `Doubts`.
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    share : float or None
+        Expected fraction of the bound on the mixing of modes; None without a calibration.
+    modes : list of GroupModes, optional
+        More modes than those that the patches drive, such as all under a finger.
+
+    Returns
+    -------
+    Doubts or None
+        None if a part of them is unknown.
     """
     modes = forced.modes if modes is None else modes
     frequency = np.concatenate([frequency_errors(basis).total for basis in modes])
@@ -91,19 +103,25 @@ def doubts(forced: ForcedPlate, share: float | None, modes: list[GroupModes] | N
 def changes(
     known: Doubts, forms: Forms | Motions, eigenvalue: FloatArray, volts: ComplexArray, still: int | None = None
 ) -> Iterator[Change]:
-    """Forms of the plates that each kind of source allows: S (k, t, m, s, d, d) of m sources, s plates each.
+    """Yield the changes that each source of error allows: forms S (k, t, m, s, d, d) of m sources with s plates each.
 
     Parameters
     ----------
     known : Doubts
+        Uncertainties of the plate.
     forms : Forms or Motions
-        At the frequencies; the changes may be applied to forms at as many other frequencies, too.
+        At the frequencies; the changes also apply to forms at as many other frequencies.
     eigenvalue : ndarray, shape (t,)
-        Of the frequencies, scaled.
+        Scaled eigenvalues of the frequencies.
     volts : ndarray, shape (t, d)
-        By which loads on a mode add up.
+        Drivers' voltages in V, in whose phases the loads on a mode add up.
     still : int, optional
         Number of a mode that keeps its frequency.
+
+    Yields
+    ------
+    callable
+        Maps forms to the changed forms of one kind of source.
     """
     softer = forms.lossy * forms.own
     nearest = np.clip(-softer.real / np.abs(softer) ** 2, *known.change.T)
@@ -156,9 +174,23 @@ def _louder(known: Doubts) -> FloatArray:
 def half_widths(
     nominal: FloatArray, sources: Iterator[Change], forms: Sequence[Forms | Motions], figures: Callable[..., FloatArray]
 ) -> FloatArray:
-    """Error bars (half-widths) (f, t) of figures (f, t), by all sources together.
+    """Combine the changes of figures by all sources, as the root of the sum of their squares.
 
-    figures: gives them (f, t, m, s) from S (k, t, m, s, d, d) of each of the plate's forms.
+    Parameters
+    ----------
+    nominal : ndarray, shape (f, t)
+        The figures, in any units.
+    sources : iterator of callable
+        As from `changes`.
+    forms : sequence of Forms or Motions
+        What the figures are computed from.
+    figures : callable
+        Computes figures (f, t, m, s) from the changed S (k, t, m, s, d, d) of each of `forms`.
+
+    Returns
+    -------
+    ndarray, shape (f, t)
+        Half-widths of the error bars, in the units of the figures.
     """
     squares = np.zeros_like(nominal)
     for source in sources:
@@ -170,17 +202,25 @@ def half_widths(
 def rms_bars(
     known: Doubts, forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray, volts: ComplexArray
 ) -> FloatArray:
-    """Error bars (half-widths) of the rms of u_z over k parts, in the unit of the rms, (f, k, t).
+    """Compute the error bars of the rms of u_z over parts of the plate.
 
     Parameters
     ----------
     known : Doubts
+        Uncertainties of the plate.
     forced : ForcedPlate
+        The plate with its modes.
     grams : ndarray, shape (k, columns, columns)
-        Means over the parts, as of `forms`.
+        Means over the k parts, as for `forms`.
     frequency_hz : ndarray, shape (t,)
+        Frequencies of the drive.
     volts : ndarray, shape (f, d)
-        Of the drivers, f ways to feed them.
+        Voltages of the drivers, f ways to drive them.
+
+    Returns
+    -------
+    ndarray, shape (f, k, t)
+        Half-widths, in the unit of the rms.
     """
 
     def bars(part: FloatArray) -> FloatArray:
@@ -196,7 +236,18 @@ def rms_bars(
 
 
 def rms(squares: ComplexArray) -> FloatArray:
-    """Rms from the forms (k, ..., 1, 1) of one voltage."""
+    """Take the rms from the forms of one voltage.
+
+    Parameters
+    ----------
+    squares : ndarray, shape (k, ..., 1, 1)
+        Mean squares.
+
+    Returns
+    -------
+    ndarray, shape (k, ...)
+        Their roots; 0 where rounding made a square negative.
+    """
     return np.asarray(np.sqrt(np.maximum(squares[..., 0, 0].real, 0.0)))
 
 
@@ -204,9 +255,27 @@ def with_peak(
     known: Doubts, forced: ForcedPlate, grams: FloatArray, peak_hz: float, volts: ComplexArray,
     figures: Callable[[ComplexArray], FloatArray],
 ) -> FloatArray:  # fmt: skip
-    """Error bars (half-widths) (f,) of figures at a peak that follows its mode, the nearest one; volts (d,) of the drivers.
+    """Compute the error bars of figures at a peak that follows the mode nearest to it.
 
-    figures: gives them from S (k, ..., 1, 1), (f, ...).
+    Parameters
+    ----------
+    known : Doubts
+        Uncertainties of the plate.
+    forced : ForcedPlate
+        The plate with its modes.
+    grams : ndarray, shape (k, columns, columns)
+        Means over the k parts, as for `forms`.
+    peak_hz : float
+        Frequency of the peak.
+    volts : ndarray, shape (d,)
+        Voltages of the drivers, in V.
+    figures : callable
+        Computes figures (f, ...) from S (k, ..., 1, 1).
+
+    Returns
+    -------
+    ndarray, shape (f,)
+        Half-widths, in the units of the figures.
     """
     at = forced.plate.scale.eigenvalue(peak_hz)
     mode, ends = known.ends(at)
@@ -221,7 +290,20 @@ def with_peak(
 
 
 def in_parts(bars: Callable[[FloatArray], FloatArray], frequency_hz: FloatArray) -> FloatArray:
-    """Values (..., n) of a function at some frequencies, a few at a time."""
+    """Evaluate a function at frequencies a few at a time, which bounds its memory.
+
+    Parameters
+    ----------
+    bars : callable
+        Maps frequencies (m,) in Hz to values (..., m).
+    frequency_hz : ndarray, shape (n,)
+        All frequencies.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+        The values.
+    """
     parts = np.array_split(frequency_hz, -(-len(frequency_hz) // AT_ONCE))
     return np.concatenate([bars(part) for part in parts], axis=-1)
 
@@ -382,19 +464,26 @@ Figures = Callable[..., FloatArray]
 def peak_half_widths(
     known: Doubts, motions: Callable[[float], list[Motions]], eigenvalue: float, volts: ComplexArray, figures: Figures
 ) -> FloatArray:
-    """Error bars (half-widths) (f, t) of figures at a peak that follows its mode, the nearest one.
+    """Compute the error bars of figures of motions at a peak that follows the mode nearest to it.
 
     Parameters
     ----------
     known : Doubts
+        Uncertainties of the plate.
     motions : callable
-        Of the plate at scaled eigenvalues, free and touched, say; changes apply to the last one.
+        Motions at a scaled eigenvalue, such as those of the free and of the touched plate; changes apply to the
+        last.
     eigenvalue : float
-        Of the peak.
+        Scaled eigenvalue of the peak.
     volts : ndarray, shape (d,)
-        Of the drivers.
+        Voltages of the drivers, in V.
     figures : callable
-        Gives them, (f, t, k, s), from the outputs (t, k, s, m) of each of the motions.
+        Computes figures (f, t, k, s) from the outputs (t, k, s, m) of each of the motions.
+
+    Returns
+    -------
+    ndarray, shape (f, t)
+        Half-widths, in the units of the figures.
     """
     mode, ends = known.ends(eigenvalue)
     own = motions(eigenvalue)

@@ -28,15 +28,34 @@ CACHED = ("all_modes", "_touched")  # values derived from modes, computed again 
 
 
 def frequency_errors(forced: ForcedPlate) -> list[FloatArray]:
-    """Relative error bars (half-widths) of the resonances around the band, due to mesh, reduction and bonding.
+    """Estimate the errors of the resonances around the band due to mesh, reduction and bonding.
 
-    (modes,) per group in the order of `bases`; NaN without an estimate.
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+
+    Returns
+    -------
+    list of ndarray, shape (modes,)
+        Relative half-widths per group in the order of `bases`; NaN without an estimate.
     """
     return [responses.frequency_errors(basis).total for basis in bases(forced)]
 
 
 def bases(forced: ForcedPlate) -> list[GroupModes]:
-    """Groups of modes that move: those that the patches drive, under a finger all."""
+    """List the groups of modes that move: those that the patches drive, or all under a finger.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+
+    Returns
+    -------
+    list of GroupModes
+        One per group of symmetry classes.
+    """
     free: ForcedPlate | None = getattr(forced, "free", None)
     if free is None or forced.modes is free.modes:
         return forced.modes
@@ -44,7 +63,22 @@ def bases(forced: ForcedPlate) -> list[GroupModes]:
 
 
 def frequency_error(forced: ForcedPlate, frequency_hz: float, errors: list[FloatArray]) -> float | None:
-    """Relative error bar (half-width) of the resonance nearest to a frequency; None without an estimate."""
+    """Return the error bar of the resonance nearest to a frequency.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    frequency_hz : float
+        The frequency.
+    errors : list of ndarray, shape (modes,)
+        As from `frequency_errors`.
+
+    Returns
+    -------
+    float or None
+        Relative half-width, dimensionless; None without an estimate.
+    """
     tones = np.concatenate([basis.frequency_hz for basis in bases(forced)])
     if not len(tones):
         return None
@@ -139,9 +173,23 @@ class Variation:
 def variations(
     forced: ForcedPlate, errors: list[FloatArray], resonating_hz: float, share: float
 ) -> Iterator[tuple[Variation, ...]]:
-    """Plates within the error bars about the resonance nearest to a frequency, those of one source together.
+    """Yield plates within the error bars around the resonance nearest to a frequency, those of one source together.
 
-    share: of the bound on mixing that is expected (`solvers.accuracy.calibration`).
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    errors : list of ndarray, shape (modes,)
+        As from `frequency_errors`.
+    resonating_hz : float
+        Frequency near the resonance.
+    share : float
+        Expected fraction of the bound on mixing (`solvers.accuracy.calibration`).
+
+    Yields
+    ------
+    tuple of Variation
+        Both ends of one source.
     """
     moving = bases(forced)
     number, index = _nearest(moving, resonating_hz)
@@ -160,7 +208,24 @@ def variations(
 def mixings(
     forced: ForcedPlate, errors: list[FloatArray], resonating_hz: float, share: float
 ) -> Iterator[tuple[Variation, ...]]:
-    """Those of the plates that mix another mode into the resonance nearest to a frequency."""
+    """Select those of the `variations` that mix another mode into the resonance nearest to a frequency.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    errors : list of ndarray, shape (modes,)
+        As from `frequency_errors`.
+    resonating_hz : float
+        Frequency near the resonance.
+    share : float
+        Expected fraction of the bound on mixing.
+
+    Returns
+    -------
+    iterator of tuple of Variation
+        Both signs of one pair.
+    """
     return (each for each in variations(forced, errors, resonating_hz, share) if each[0].turn is not None)
 
 
@@ -209,7 +274,20 @@ class Louder:
 
 
 def louder(forced: ForcedPlate, error: float) -> Iterator[tuple[Louder, ...]]:
-    """All patches, and each of several that drive, with loads at the upper end of a relative bar."""
+    """Yield plates with loads at the upper end of an error bar: of all patches, and of each of several drivers.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its patches.
+    error : float
+        Relative error bar of the loads, dimensionless.
+
+    Yields
+    ------
+    tuple of Louder
+        One plate.
+    """
     yield (Louder(1.0 + error),)
     if len(forced.drivers) > 1:
         for patch in forced.drivers:
@@ -219,13 +297,43 @@ def louder(forced: ForcedPlate, error: float) -> Iterator[tuple[Louder, ...]]:
 def sources(
     forced: ForcedPlate, errors: list[FloatArray], resonating_hz: float, share: float, load: float | None
 ) -> Iterator[tuple[Variation | Louder, ...]]:
-    """Sources of error of the resonance nearest to a frequency; load: relative error bar of the loads."""
+    """Yield every source of error of the resonance nearest to a frequency.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    errors : list of ndarray, shape (modes,)
+        As from `frequency_errors`.
+    resonating_hz : float
+        Frequency near the resonance.
+    share : float
+        Expected fraction of the bound on mixing.
+    load : float or None
+        Relative error bar of the loads, dimensionless; None without an estimate.
+
+    Yields
+    ------
+    tuple of Variation or Louder
+        Plates of one source.
+    """
     yield from variations(forced, errors, resonating_hz, share)
     yield from louder(forced, np.nan if load is None else load)
 
 
 def is_known(errors: list[FloatArray]) -> bool:
-    """Whether every resonance has an error bar."""
+    """Test whether every resonance has an error bar.
+
+    Parameters
+    ----------
+    errors : list of ndarray, shape (modes,)
+        As from `frequency_errors`.
+
+    Returns
+    -------
+    bool
+        True if all are finite.
+    """
     return all(bool(np.isfinite(each).all()) for each in errors)
 
 
@@ -234,7 +342,22 @@ def half_widths(
     sources: Iterable[tuple[Varied, ...]],
     figures: Callable[[Varied], FloatArray],
 ) -> FloatArray:
-    """Error bars (half-widths) of figures (n,) computed again on varied plates; NaN without an estimate."""
+    """Combine the changes of figures on varied plates, as the root of the sum of their squares.
+
+    Parameters
+    ----------
+    nominal : ndarray, shape (n,)
+        The figures, in any units.
+    sources : iterable of tuple
+        Varied plates, those of one source together.
+    figures : callable
+        Computes the figures (n,) of a varied plate.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Half-widths in the units of the figures; NaN without an estimate.
+    """
     squares = np.zeros_like(nominal)
     for source in sources:
         squares += np.max([np.abs(figures(each) - nominal) for each in source], axis=0) ** 2
@@ -283,15 +406,21 @@ class WidthRates:
 
 
 def width_rates(forced: ForcedPlate, peak_hz: float, half_hz: tuple[float, float]) -> WidthRates:
-    """Rates of a peak's quality factor.
+    """Compute how a peak's quality factor changes with the stiffness of the modes.
 
     Parameters
     ----------
     forced : ForcedPlate
+        The plate with its modes.
     peak_hz : float
-        The peak's frequency, Hz.
-    half_hz : (float, float)
-        Its half-power points, Hz.
+        Frequency of the peak.
+    half_hz : tuple of float
+        Its half-power points, in Hz.
+
+    Returns
+    -------
+    WidthRates
+        Rates of ln Q, and the largest flexibility of each mode around the peak.
     """
     width = half_hz[1] - half_hz[0]
     step = STEP * width

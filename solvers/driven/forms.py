@@ -21,7 +21,20 @@ ROUNDING = 1e-12  # of the outside's mean: what voltages that move nothing there
 
 
 def contrast_volts(plate: ForcedPlate, frequency_hz: float) -> ComplexArray | None:
-    """Voltages of all patches, 0 for sensors, the largest of size 1; None with one driver or no passive face."""
+    """Find the voltages of the largest contrast between the active and the passive face.
+
+    Parameters
+    ----------
+    plate : ForcedPlate
+        The plate with its drivers.
+    frequency_hz : float
+        Frequency of the drive.
+
+    Returns
+    -------
+    ndarray, shape (patches,), or None
+        In V, 0 for sensors, the largest of size 1; None with one driver or no passive face.
+    """
     drivers = plate.drivers
     passive = 2.0 * plate.design.half_span_m > plate.design.width_m * (1.0 + 1e-9)
     if len(drivers) < 2 or plate.circuit != "short" or not passive:
@@ -33,10 +46,22 @@ def contrast_volts(plate: ForcedPlate, frequency_hz: float) -> ComplexArray | No
 
 
 def best_volts(inside: ComplexArray, outside: ComplexArray, alpha: float) -> ComplexArray:
-    """The drivers' voltages (..., d) of the largest contrast between two forms (..., d, d), the largest of size 1.
+    """Find the drivers' voltages of the largest contrast between two forms.
 
-    alpha^2 times the mean of the outside's diagonal is added to it, as solvers.shaping.voltages does: large voltages for little
-    motion are left alone.
+    alpha^2 times the mean of the outside's diagonal is added to it, as in solvers.shaping.voltages: this penalises large
+    voltages that move the plate little.
+
+    Parameters
+    ----------
+    inside, outside : ndarray, shape (..., d, d)
+        Hermitian forms of the voltages.
+    alpha : float
+        Penalty, dimensionless.
+
+    Returns
+    -------
+    ndarray, shape (..., d)
+        In V, the largest of size 1.
     """
     count = inside.shape[-1]
     mean = np.trace(outside, axis1=-2, axis2=-1).real[..., None, None]
@@ -49,7 +74,20 @@ def best_volts(inside: ComplexArray, outside: ComplexArray, alpha: float) -> Com
 
 
 def unit_volts(plate: ForcedPlate, eigenvalue: float | FloatArray) -> ComplexArray:
-    """Voltages of all patches at eigenvalues (...) with each driver alone at 1 V, sensors open, (..., patches, drivers)."""
+    """Compute the voltages of all patches with each driver alone at 1 V and the sensors open.
+
+    Parameters
+    ----------
+    plate : ForcedPlate
+        The plate with its patches.
+    eigenvalue : float or ndarray, shape (...)
+        Scaled eigenvalues of the frequencies.
+
+    Returns
+    -------
+    ndarray, shape (..., patches, drivers)
+        In V.
+    """
     one = np.eye(len(plate.plate.patches), dtype=complex)[:, plate.drivers]
     volts = np.tile(one, (*np.shape(eigenvalue), 1, 1))
     if left := plate.sensors:
@@ -59,8 +97,21 @@ def unit_volts(plate: ForcedPlate, eigenvalue: float | FloatArray) -> ComplexArr
 
 
 def clamped_charges(plate: ForcedPlate, eigenvalue: float | FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Charges of the sensors per volt on each patch by the plate's motion (..., sensors, patches), and on the sensors in all
-    (..., sensors, sensors), scaled.
+    """Compute the scaled charges of the sensors per volt.
+
+    Parameters
+    ----------
+    plate : ForcedPlate
+        The plate with its patches.
+    eigenvalue : float or ndarray, shape (...)
+        Scaled eigenvalues of the frequencies.
+
+    Returns
+    -------
+    moved : ndarray, shape (..., sensors, patches)
+        By the plate's motion, per volt on each patch.
+    total : ndarray, shape (..., sensors, sensors)
+        By motion and clamped capacitance, per volt on each sensor.
     """
     left = plate.sensors
     moved = np.sum([basis.receptance(eigenvalue, plate.loss)[..., left, :] for basis in plate.modes], axis=0)
@@ -215,14 +266,21 @@ class Forms:
 
 
 def forms(forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray) -> Forms:
-    """The forms of a plate whose drivers hold voltages.
+    """Compute the quadratic forms of a plate whose drivers hold voltages.
 
     Parameters
     ----------
     forced : ForcedPlate
+        The plate with its modes.
     grams : ndarray, shape (k, columns, columns)
-        Integrals over k parts per pair of all groups' columns, one group after another.
+        Integrals over k parts for each pair of all groups' columns, group after group.
     frequency_hz : ndarray, shape (t,)
+        Frequencies of the drive.
+
+    Returns
+    -------
+    Forms
+        S (k, t, d, d) and what changes of the modes need.
     """
     at = forced.plate.scale.eigenvalue(frequency_hz)
     opened, clamped = forced.sensors, clamped_charges(forced, at)[1]
@@ -242,14 +300,48 @@ def forms(forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray) -> F
 
 
 def softened_rows(step: ComplexArray, own: ComplexArray, modal: ComplexArray) -> ComplexArray:
-    """Forces rho (t, n, s, d) on modes whose stiffness changes by lossy steps (t, n, s); own: f_rr (t, n), modal: x_r."""
+    """Compute the forces on modes whose stiffness changes.
+
+    Parameters
+    ----------
+    step : ndarray, shape (t, n, s)
+        Lossy changes of the scaled stiffness.
+    own : ndarray, shape (t, n)
+        Flexibility f_rr of each mode.
+    modal : ndarray, shape (t, n, d)
+        Modal amplitudes x_r per volt.
+
+    Returns
+    -------
+    ndarray, shape (t, n, s, d)
+        Scaled forces rho per volt.
+    """
     return np.asarray(-(step / (1.0 + step * own[..., None]))[..., None] * modal[:, :, None])
 
 
 def coupled_rows(
     step: ComplexArray, own: ComplexArray, modal: ComplexArray, mode: IntArray, between: ComplexArray
 ) -> ComplexArray:
-    """Forces on one mode per tone (t,) and each other, (t, n, s, 2, d), coupled by steps; between: f_ij of both, (t, n)."""
+    """Compute the forces on one mode per frequency and on each other mode, coupled by steps of stiffness.
+
+    Parameters
+    ----------
+    step : ndarray, shape (t, n, s)
+        Lossy scaled coupling stiffness.
+    own : ndarray, shape (t, n)
+        Flexibility of each mode.
+    modal : ndarray, shape (t, n, d)
+        Modal amplitudes per volt.
+    mode : ndarray, shape (t,)
+        Number of the mode at each frequency.
+    between : ndarray, shape (t, n)
+        Flexibility f_ij between it and each other mode.
+
+    Returns
+    -------
+    ndarray, shape (t, n, s, 2, d)
+        Scaled forces on both, per volt.
+    """
     at, step = np.arange(len(mode)), step[..., None]
     here, there = own[at, mode][:, None, None, None], own[..., None, None]
     first, second = modal[at, mode][:, None, None], modal[:, :, None]
@@ -263,7 +355,18 @@ def coupled_rows(
 
 
 def face_grams(forced: ForcedPlate) -> FloatArray:
-    """Means of u_z^2 over the active and over the passive touch face per pair of all groups' columns, (2, columns, columns)."""
+    """Average u_z^2 over the active and over the passive touch face for each pair of all groups' columns.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+
+    Returns
+    -------
+    ndarray, shape (2, columns, columns)
+        The means, scaled as the columns; one only where there is no passive face.
+    """
     grams = [block_diag(*each) for each in zip(*forced.grams, strict=True)]
     return np.array([gram / area for gram, area in zip(grams, forced.areas_m2, strict=True) if area])
 

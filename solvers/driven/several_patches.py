@@ -74,7 +74,18 @@ class Zones:
 
 
 def zones_of(forced: ForcedPlate) -> Zones:
-    """The zones of a patched plate's design."""
+    """Integrate the columns of a patched plate over its zones.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+
+    Returns
+    -------
+    Zones
+        Means over each zone and over the rest, and the projections on the zones' target shapes.
+    """
     design, fields = forced.design, [basis.group.touch(basis.columns) for basis in forced.modes]
     first = fields[0][0]
     whole = forced.modes[0].group.symmetries == (WHOLE,)
@@ -108,7 +119,20 @@ def _added(symmetries: tuple[str, ...], fields: list, flip: FloatArray) -> Float
 
 
 def zone_volts(forced: ForcedPlate, centres_m: FloatArray) -> FloatArray:
-    """Voltages (zones, patches) that drive one zone each: its own drivers at +-1 V, as the target shape has them in phase."""
+    """Choose the voltages that drive one zone each: its own drivers at +-1 V in phase with the target shape.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its drivers.
+    centres_m : ndarray, shape (patches, 2)
+        Centres of the patches.
+
+    Returns
+    -------
+    ndarray, shape (zones, patches)
+        In V.
+    """
     design = forced.design
     volts = np.zeros((design.zones, len(centres_m)))
     for zone, middle in enumerate(design.zone_centres_m):
@@ -145,9 +169,26 @@ def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray,
 
 
 def peak_half_widths(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, known: Doubts | None) -> dict[str, Any]:
-    """Error bars (half-widths) of one driven zone's figures at its peak, by name.
+    """Compute the error bars of one driven zone's figures at its peak.
 
-    `rms_error_m_per_V` and `level_error_db` (zones,), `passive_error_db` and `mac_error`; NaN without an estimate.
+    Parameters
+    ----------
+    zones : Zones
+        Integrals over the zones.
+    fed : ndarray, shape (patches,)
+        Voltages of the patches, in V.
+    zone : int
+        Number of the driven zone.
+    peak_hz : float
+        Frequency of the peak.
+    known : Doubts or None
+        Uncertainties of the plate; None without an estimate.
+
+    Returns
+    -------
+    dict
+        Half-widths by name: `rms_error_m_per_V` and `level_error_db` (zones,), `passive_error_db`, `mac_error`; NaN
+        if unknown.
     """
     forced, count = zones.forced, zones.forced.design.zones
     parts = count + zones.has_passive
@@ -190,7 +231,25 @@ class PowerFlow:
 
 
 def power_flow(forced: ForcedPlate, frequency_hz: float) -> PowerFlow:
-    """The flow of a patched plate as it is fed (`ForcedPlate.driven_by`), sections at the edges of its panels."""
+    """Compute the flow of power along a driven plate (`ForcedPlate.driven_by`) through sections at the edges of its panels.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        A plate whose patches drive it.
+    frequency_hz : float
+        Frequency of the drive.
+
+    Returns
+    -------
+    PowerFlow
+        Power per patch, sections in m, the flow through each and the total loss in W.
+
+    Raises
+    ------
+    SolverError
+        For a plate without patches.
+    """
     plate = forced.plate
     if not isinstance(plate, PatchedPlate):
         raise SolverError("a power flow along the plate needs patches that drive it")
@@ -286,10 +345,30 @@ def _on_patches(forced: ForcedPlate, motions: list[list[Any]]) -> FloatArray:
 def plate_table(
     forced: ForcedPlate, points_m: FloatArray, frequency_hz: float, rows: list[FloatArray] | None = None
 ) -> ModalTable:
-    """The modes about the band over points (p, 2) of the touch face, in SI: actuators are the drivers, in the order of
-    `forced.drivers`, sensors in V. Residuals are those at the frequency.
+    """Build the modal table of a plate over points of the touch face, in SI, with the residuals at a frequency.
 
-    rows: `motion_at` of the points, where it is known. SolverError for drivers that are fed a charge, or without sensors.
+    Actuators are the drivers in the order of `forced.drivers`; sensors are in V.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes around the band.
+    points_m : ndarray, shape (p, 2)
+        Points of the touch face.
+    frequency_hz : float
+        Frequency of the residuals.
+    rows : list of ndarray, optional
+        `motion_at` of the points, shape (p, columns), if known.
+
+    Returns
+    -------
+    ModalTable
+        Modes of 1 kg, actuators, sensors and field.
+
+    Raises
+    ------
+    SolverError
+        For drivers that hold a charge, or without sensors.
     """
     if forced.circuit != "short" or not forced.sensors:
         raise SolverError("shaping needs voltage-driven actuators and at least one sensor patch")
@@ -319,7 +398,20 @@ def plate_table(
 
 
 def motion_at(forced: ForcedPlate, points_m: FloatArray) -> list[FloatArray]:
-    """u_z at points (p, 2) of the touch face per unit of each column, group by group."""
+    """Compute u_z at points of the touch face per unit of each column.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    points_m : ndarray, shape (p, 2)
+        Points of the touch face.
+
+    Returns
+    -------
+    list of ndarray, shape (p, columns)
+        One per group.
+    """
     return [np.asarray(face_motion(basis.group, points_m) @ basis.columns) for basis in forced.modes]
 
 

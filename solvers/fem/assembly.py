@@ -78,7 +78,20 @@ class System:
 
 
 def on_components(scalar: sp.csr_array | sp.csc_array, shapes: FloatArray) -> FloatArray:
-    """(A (x) I3) V of a scalar matrix A (m, n) and nodal shapes V (3n, k), (3m, k)."""
+    """Apply a scalar matrix to each component of nodal shapes: (A (x) I3) V.
+
+    Parameters
+    ----------
+    scalar : sparse array, shape (m, n)
+        A.
+    shapes : ndarray, shape (3n, k)
+        V.
+
+    Returns
+    -------
+    ndarray, shape (3m, k)
+        In the units of A times those of V.
+    """
     flat = shapes.reshape(scalar.shape[1], 3 * shapes.shape[1])
     return np.asarray(scalar @ flat).reshape(3 * scalar.shape[0], shapes.shape[1])
 
@@ -86,9 +99,27 @@ def on_components(scalar: sp.csr_array | sp.csc_array, shapes: FloatArray) -> Fl
 def assemble(mesh: AnyMesh, materials: dict[str, Material], scale: Scale | None = None) -> System:
     """Assemble K_(a i)(b j) = int C_ikjl N_a,k N_b,l and m_ab = int rho N_a N_b.
 
-    `materials` names one material per region of the mesh. The pencil is scaled by the mesh's smallest extent and the
-    first material unless a scale is given, so that a micrometre plate and a metre plate condition alike.
-    Raises KeyError for a region without material.
+    The pencil is scaled by the mesh's smallest extent and the first material unless a scale is given, so that a micrometre
+    plate and a metre plate have the same condition number.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Nodes in m.
+    materials : dict of str to Material
+        One per region of the mesh.
+    scale : Scale, optional
+        Units of the pencil.
+
+    Returns
+    -------
+    System
+        Scaled stiffness (3n, 3n) and scalar mass (n, n).
+
+    Raises
+    ------
+    KeyError
+        For a region without material.
     """
     regions = mesh.region_of_cells()
     first = materials[next(iter(regions))]

@@ -25,32 +25,81 @@ Operator = Callable[[FloatArray], FloatArray]
 
 
 def fits(size: int, count: int) -> bool:
-    """Whether the whole basis for `count` pairs of `size` degrees of freedom may be kept."""
+    """Test whether the whole basis fits into the memory for it.
+
+    Parameters
+    ----------
+    size : int
+        Degrees of freedom.
+    count : int
+        Number of eigenpairs.
+
+    Returns
+    -------
+    bool
+        True if it may be kept.
+    """
     return WIDE * count <= size and 16.0 * size * basis_size(size, count) <= BYTES
 
 
 def slice_of(size: int) -> int:
-    """Largest number of eigenpairs to compute from one shift, for `size` degrees of freedom.
+    """Choose the largest number of eigenpairs to compute from one shift.
 
-    As many as a basis kept whole holds, since each further shift costs three factorisations, as long as
+    As many as a basis that is kept whole holds, since each further shift costs three factorisations, as long as
     orthogonalisation is the smaller part.
+
+    Parameters
+    ----------
+    size : int
+        Degrees of freedom.
+
+    Returns
+    -------
+    int
+        Number of eigenpairs.
     """
     fitting = min((BYTES / (16.0 * size) - 24 * BLOCK) / MAX_COUNT, size / WIDE)
     return int(min(max(fitting / 1.1 - 4, SLICE), MAX_SLICE))
 
 
 def basis_size(size: int, count: int) -> int:
-    """Vectors that the basis for `count` pairs of `size` degrees of freedom may grow to."""
+    """Return the number of vectors that the basis may grow to.
+
+    Parameters
+    ----------
+    size : int
+        Degrees of freedom.
+    count : int
+        Number of eigenpairs.
+
+    Returns
+    -------
+    int
+        At most `size`.
+    """
     return min(size, int(MAX_COUNT * count) + 24 * BLOCK)
 
 
 def block_lanczos(
     inverse: Operator, mass: Operator, size: int, count: int, tolerance: float = TOLERANCE
 ) -> tuple[FloatArray, FloatArray] | None:
-    """`count` eigenpairs of (K - sigma M)^-1 M, largest in size first, with M-orthonormal vectors (size, count).
+    """Compute eigenpairs of (K - sigma M)^-1 M, the largest in size first.
 
-    `inverse` and `mass` apply (K - sigma M)^-1 and M to blocks (size, k). `tolerance`: residual over the
-    inverse's eigenvalue. None when the basis would grow too large.
+    Parameters
+    ----------
+    inverse, mass : callable
+        Apply (K - sigma M)^-1 and M to blocks (size, k).
+    size : int
+        Degrees of freedom.
+    count : int
+        Number of eigenpairs.
+    tolerance : float, optional
+        Residual relative to the eigenvalue.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (count,) and (size, count), or None
+        Eigenvalues of the inverse and M-orthonormal vectors; None if the basis would grow too large.
     """
     most = basis_size(size, count)
     basis = _Basis(size, most, mass)

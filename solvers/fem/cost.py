@@ -38,15 +38,38 @@ class Fill:
 
 
 def eliminated(inside: float, around: float) -> Fill:
-    """One front: `inside` degrees of freedom eliminated, `around` left."""
+    """Compute the fill of one front.
+
+    Parameters
+    ----------
+    inside, around : float
+        Numbers of degrees of freedom that are eliminated, and that remain.
+
+    Returns
+    -------
+    Fill
+        Entries, operations and the size of the front.
+    """
     m, b = inside, around
     return Fill(m * (m + 1.0) / 2.0 + m * b, m**3 / 3.0 + m * m * b + m * b * b, (m + b) ** 2)
 
 
 def grid_fill(elements: tuple[int, ...], dofs: Dofs, ends: tuple[Ends, ...] | None = None) -> Fill:
-    """The fill of a grid of elements (any number of axes); `ends`: which end planes are the grid's own (all).
+    """Compute the fill of a grid of elements with any number of axes under nested dissection.
 
-    `dofs(lines, gaps)` counts those of a box from its planes of nodes and from its elements, one number an axis.
+    Parameters
+    ----------
+    elements : tuple of int
+        Number of elements along each axis.
+    dofs : callable
+        Degrees of freedom of a box from its planes of nodes and from its elements, one number per axis.
+    ends : tuple of (bool, bool), optional
+        Which end planes belong to the grid; all by default.
+
+    Returns
+    -------
+    Fill
+        Entries, operations and the largest front.
     """
 
     def own(elements: tuple[int, ...], ends: tuple[Ends, ...], plane: int | None = None) -> float:
@@ -74,7 +97,20 @@ def grid_fill(elements: tuple[int, ...], dofs: Dofs, ends: tuple[Ends, ...] | No
 
 
 def nodal(order: int, a_node: int = 3) -> Dofs:
-    """Degrees of freedom of hexahedra of an order, `a_node` a node."""
+    """Count the degrees of freedom of hexahedra.
+
+    Parameters
+    ----------
+    order : int
+        Order of the elements.
+    a_node : int, optional
+        Degrees of freedom per node.
+
+    Returns
+    -------
+    callable
+        As `grid_fill` takes it.
+    """
 
     def dofs(lines: list[int], gaps: list[int]) -> float:
         total = float(a_node)
@@ -86,7 +122,20 @@ def nodal(order: int, a_node: int = 3) -> Dofs:
 
 
 def panelled(vertex: int, side: int, inner: float) -> Dofs:
-    """Degrees of freedom of reduced panels in a plane, from their numbers per vertex line, per side and within each panel."""
+    """Count the degrees of freedom of reduced panels in a plane.
+
+    Parameters
+    ----------
+    vertex, side : int
+        Degrees of freedom per vertex line and per side.
+    inner : float
+        Number within each panel.
+
+    Returns
+    -------
+    callable
+        As `grid_fill` takes it.
+    """
 
     def dofs(lines: list[int], gaps: list[int]) -> float:
         corners, sides = lines[0] * lines[1], lines[0] * gaps[1] + lines[1] * gaps[0]
@@ -167,7 +216,18 @@ class MeshCounts:
 
 
 def assembly(mesh: MeshCounts) -> Cost:
-    """Meshing, and K and M by `assembly.assemble`."""
+    """Estimate the cost of meshing and of assembling K and M.
+
+    Parameters
+    ----------
+    mesh : MeshCounts
+        Numbers of elements, nodes and entries.
+
+    Returns
+    -------
+    Cost
+        Memory in bytes by stage, and operations.
+    """
     entries = mesh.elements * mesh.corners**2
     making = Stage("meshing", mesh.mesh_bytes + 48.0 * mesh.elements * mesh.corners)
     summing = Stage("assembling the matrices", mesh.mesh_bytes + 20.0 * entries + (STIFFNESS + 24.0) * mesh.pairs)
@@ -175,7 +235,22 @@ def assembly(mesh: MeshCounts) -> Cost:
 
 
 def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost:
-    """Cost of `times` factorisations of a matrix with this number of entries, one kept at a time."""
+    """Estimate the cost of factorisations of one matrix, of which one is kept at a time.
+
+    Parameters
+    ----------
+    dofs, entries : float
+        Numbers of degrees of freedom and of entries of the matrix.
+    fill : Fill
+        Of its factor.
+    times : float
+        Number of factorisations.
+
+    Returns
+    -------
+    Cost
+        Memory in bytes by stage, and operations.
+    """
     peak, _ = FACTOR[factorisations()[0]]
     stages = (
         Stage("analysing the factorisation", ANALYSIS * entries),
@@ -185,7 +260,24 @@ def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost
 
 
 def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: bool = False) -> Cost:
-    """Cost of eigenpairs of a pencil with this number of entries; `near`: all at once, not by slices of a band."""
+    """Estimate the cost of eigenpairs of a pencil.
+
+    Parameters
+    ----------
+    dofs, entries : float
+        Numbers of degrees of freedom and of entries of a matrix.
+    fill : Fill
+        Of its factor.
+    modes : float
+        Number of eigenpairs.
+    near : bool, optional
+        All at once around a frequency, not by slices of a band.
+
+    Returns
+    -------
+    Cost
+        Memory in bytes by stage, and operations.
+    """
     kept = FACTOR[factorisations()[0]][1] * fill.entries + COPY * entries
     most = slice_of(max(round(dofs), 1))
     at_once = modes if near else min(modes, most)
@@ -206,7 +298,24 @@ def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: boo
 
 
 def solid_modes(mesh: MeshCounts, classes: int, modes: float, near: bool = False) -> Cost:
-    """Cost of the modes of a meshed body: `classes` symmetry classes one after another, `count` modes each."""
+    """Estimate the cost of the modes of a meshed body, whose symmetry classes are solved one after another.
+
+    Parameters
+    ----------
+    mesh : MeshCounts
+        Numbers of elements, nodes and entries.
+    classes : int
+        Number of symmetry classes.
+    modes : float
+        Number of modes of each.
+    near : bool, optional
+        All at once around a frequency, not by slices of a band.
+
+    Returns
+    -------
+    Cost
+        Memory in bytes by stage, and operations.
+    """
     large = mesh.dofs > LARGE
     mesh_and_matrices = mesh.mesh_bytes + (STIFFNESS * (1 if large else 2) + MASS + ENTRY) * mesh.pairs
     restricted = Stage("selecting the free degrees of freedom", mesh.mesh_bytes + (3 * STIFFNESS + ENTRY) * mesh.pairs)

@@ -214,9 +214,30 @@ def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | S
 def factor_near(
     pencil: PlainPencil, shift: float, factorise: Callable[[sp.csc_array], Factor], least: float = 0.0
 ) -> tuple[Factor, float]:
-    """Factor of K - s M, and s: the shift, or the nearest of a few next to it at which the factorisation is reliable.
+    """Factorise K - s M at a shift, or at the nearest of a few next to it at which the factorisation is reliable.
 
-    `least` is the first step away from a shift of 0. Raises SingularShift.
+    Parameters
+    ----------
+    pencil : PlainPencil
+        Scaled K and M, (dof, dof).
+    shift : float
+        Scaled eigenvalue.
+    factorise : callable
+        Factorises a sparse array (dof, dof).
+    least : float, optional
+        First step away from a shift of 0, as a scaled eigenvalue.
+
+    Returns
+    -------
+    factor : Factor
+        With its count of negative pivots.
+    shift : float
+        s, scaled.
+
+    Raises
+    ------
+    SingularShift
+        If none of them is reliable.
     """
     return next(_factors_near(pencil, shift, factorise, least, COUNTED))
 
@@ -244,10 +265,32 @@ def _factors_near(
 
 
 def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tuple[FloatArray, FloatArray]:
-    """The `count` lowest eigenvalues, including rigid ones, each `multiplicity` times, and M-orthonormal vectors.
+    """Compute the lowest eigenpairs including rigid ones; an inertia count above them proves that none is missing.
 
-    vectors (dof, count multiplicity); an inertia count above them proves completeness. Raises CountMismatch.
     The shift lies below zero, where K - sigma M is positive definite.
+
+    Parameters
+    ----------
+    pencil : PlainPencil
+        Scaled K and M, (dof, dof).
+    count : int
+        Number of distinct eigenvalues.
+    multiplicity : int, optional
+        Multiplicity of each.
+
+    Returns
+    -------
+    values : ndarray, shape (count multiplicity,)
+        Scaled eigenvalues, ascending.
+    vectors : ndarray, shape (dof, count multiplicity)
+        M-orthonormal.
+
+    Raises
+    ------
+    CountMismatch
+        If the inertia count is another one.
+    SolverError
+        For a negative eigenvalue or a large residual.
     """
     solver = _Solver(pencil, None)
     size = count * multiplicity
@@ -268,13 +311,41 @@ def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tupl
 
 
 def lowest_hz(pencil: PlainPencil, static: Factor) -> float:
-    """The lowest frequency of a body without rigid-body motion, Hz, from a factor of K, less the error bound of Lanczos."""
+    """Compute the lowest frequency of a body without rigid-body motion, less the error bound of Lanczos.
+
+    Parameters
+    ----------
+    pencil : PlainPencil
+        Scaled K and M, (dof, dof).
+    static : Factor
+        Factor of K.
+
+    Returns
+    -------
+    float
+        In Hz.
+    """
     values, _ = _Solver(pencil, None).lanczos(static.solve, 0.0, 1) if pencil.dof > 2 else (np.array([np.inf]), None)
     return float(pencil.scale.frequency(values)[0]) * (1.0 - 1e-6)
 
 
 def count_below(pencil: PlainPencil, frequency_hz: float, factorise: Factoriser | None = None) -> int:
-    """Eigenvalues below a frequency by Sylvester's law of inertia, rigid-body modes included."""
+    """Count the eigenvalues below a frequency by Sylvester's law of inertia, rigid-body modes included.
+
+    Parameters
+    ----------
+    pencil : PlainPencil
+        Scaled K and M, (dof, dof).
+    frequency_hz : float
+        The frequency.
+    factorise : Factoriser, optional
+        Its symbolic analysis is reused.
+
+    Returns
+    -------
+    int
+        Number of eigenvalues.
+    """
     shared = Shared(factorise) if factorise else None
     return _Solver(pencil, shared).count_below(pencil.scale.eigenvalue(frequency_hz))
 

@@ -358,14 +358,41 @@ _own = _Own()
 
 
 def parallel_map(function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0) -> list[Result]:
-    """Call the function on every item in threads, as memory allows; each call factorises."""
+    """Call a function that factorises on every item, in as many threads as the memory allows.
+
+    Parameters
+    ----------
+    function : callable
+        Called with an item.
+    items : iterable
+        The arguments.
+    bytes_each : float, optional
+        Memory that one call takes, in bytes.
+
+    Returns
+    -------
+    list
+        The results in the order of the items.
+    """
     return in_threads(function, items, bytes_each, room_bytes())
 
 
 def alike(graph: sp.csc_array) -> tuple[IntArray, IntArray]:
-    """Class of each DOF (n,) and members of each class (m,): degrees of freedom coupled to the same ones are alike.
+    """Group degrees of freedom that are coupled to the same ones.
 
     Columns are compared by sums of random 62-bit keys of their rows.
+
+    Parameters
+    ----------
+    graph : sparse array, shape (n, n)
+        Pattern of the matrix.
+
+    Returns
+    -------
+    label : ndarray, shape (n,)
+        Class of each degree of freedom.
+    size : ndarray, shape (m,)
+        Number of members of each class.
     """
     key = np.random.default_rng(0).integers(0, 2**62, graph.shape[0], dtype=np.uint64)
     filled = np.flatnonzero(np.diff(graph.indptr))
@@ -379,7 +406,22 @@ def alike(graph: sp.csc_array) -> tuple[IntArray, IntArray]:
 
 
 def quotient(graph: sp.csc_array, label: IntArray, count: int) -> sp.csc_array:
-    """The graph between classes of alike degrees of freedom."""
+    """Build the graph between classes of alike degrees of freedom.
+
+    Parameters
+    ----------
+    graph : sparse array, shape (n, n)
+        Pattern of the matrix.
+    label : ndarray, shape (n,)
+        Class of each degree of freedom.
+    count : int
+        Number of classes.
+
+    Returns
+    -------
+    sparse array, shape (count, count)
+        Pattern, all ones.
+    """
     first = np.full(count, graph.shape[0])
     np.minimum.at(first, label, np.arange(len(label)))
     part = graph[:, first]
@@ -391,11 +433,30 @@ def quotient(graph: sp.csc_array, label: IntArray, count: int) -> sp.csc_array:
 
 
 def postordered(graph: sp.csc_array, place: IntArray, size: IntArray) -> tuple[IntArray, int]:
-    """An order as good as the given one in which supernodes are contiguous, and the entries of L, diagonal included.
+    """Reorder an elimination so that supernodes are contiguous, and count the entries of L, diagonal included.
 
-    place (m,) is each DOF's turn, size (m,) how many alike degrees of freedom it stands for. Exact but for cancellation.
-    Row subtrees as in davis2006, section 4.5: each adds its size at its leaves and takes it off where two leaves meet
-    and above its root, so that sums over the tree's subtrees are the column counts.
+    Exact but for cancellation. Row subtrees as in davis2006, section 4.5: each adds its size at its leaves and takes it off
+    where two leaves meet and above its root, so that sums over the tree's subtrees are the column counts.
+
+    Parameters
+    ----------
+    graph : sparse array, shape (m, m)
+        Pattern between classes.
+    place : ndarray, shape (m,)
+        Turn of each class in the elimination.
+    size : ndarray, shape (m,)
+        Number of degrees of freedom of each class.
+
+    Returns
+    -------
+    place : ndarray, shape (m,)
+        New turns, with the same fill.
+    entries : int
+        Number of entries of L.
+
+    References
+    ----------
+    .. [1] davis2006 (docs/references.bib)
     """
     column = np.repeat(np.arange(graph.shape[1]), np.diff(graph.indptr))
     row, column = place[graph.indices], place[column]
@@ -416,7 +477,22 @@ def postordered(graph: sp.csc_array, place: IntArray, size: IntArray) -> tuple[I
 
 
 def analyse(matrix: sp.csc_array) -> Ordering:
-    """Minimum degree on the graph of alike degrees of freedom, and the exact count of L's entries. Source: davis2006."""
+    """Order a matrix by minimum degree on the graph of alike degrees of freedom, and count the entries of L exactly.
+
+    Parameters
+    ----------
+    matrix : sparse array, shape (n, n)
+        Symmetric.
+
+    Returns
+    -------
+    Ordering
+        Order (n,), entries of L and the digest of the pattern.
+
+    References
+    ----------
+    .. [1] davis2006 (docs/references.bib)
+    """
     count = matrix.shape[0]
     if count <= DENSE:
         return Ordering(None, count * (count + 1) // 2, pattern_of(matrix))
@@ -431,7 +507,18 @@ def analyse(matrix: sp.csc_array) -> Ordering:
 
 
 def pattern_of(matrix: sp.csc_array) -> bytes:
-    """Digest of the whole sparsity pattern."""
+    """Compute the digest of the whole sparsity pattern.
+
+    Parameters
+    ----------
+    matrix : sparse array, shape (n, n)
+        In compressed columns.
+
+    Returns
+    -------
+    bytes
+        SHA-256.
+    """
     digest = hashlib.sha256(np.ascontiguousarray(matrix.indptr).data)
     digest.update(np.ascontiguousarray(matrix.indices).data)
     return digest.digest()

@@ -23,24 +23,25 @@ ENDED = 1e-10  # of a vector left: every mode that the load moves is in the basi
 def largest_outside(
     pencil: PlainPencil, shared: Shared, load: FloatArray, vectors: FloatArray, reach: tuple[float, float]
 ) -> float:
-    """Upper bound of the strength of any one mode outside an interval, where all strengths together are at most 1.
+    """Bound the strength of any one mode outside an interval, where all strengths together are at most 1.
 
     Parameters
     ----------
-    pencil : SymmetricPencil
+    pencil : PlainPencil
+        Scaled K and M, (dof, dof).
     shared : Shared
-        Its kept factor serves where the shift lies within the interval.
+        Its stored factor is used if its shift lies within the interval.
     load : ndarray, shape (dof,)
-        p, scaled so that phi'p squared is a strength.
+        p, scaled so that (phi' p)^2 is a strength.
     vectors : ndarray, shape (dof, k)
-        M-orthonormal modes within the interval, all of them.
-    reach : (float, float)
-        The interval, scaled eigenvalues.
+        All M-orthonormal modes within the interval.
+    reach : tuple of float
+        The interval, as scaled eigenvalues.
 
     Returns
     -------
     float
-        The rest of the strengths if the bound is no tighter.
+        Dimensionless; the rest of the strengths if the bound is no tighter.
     """
     missing = max(0.0, 1.0 - float(np.square(vectors.T @ load).sum()))
     kept = shared.near if shared.near and reach[0] < shared.near[1] < reach[1] else None

@@ -26,11 +26,27 @@ Support = str | tuple[str, str]  # a face held, or a face and the axes along whi
 
 
 def free_mask(mesh: AnyMesh, clamped: Iterable[Support] = (), mirrors: Mapping[str, str] | None = None) -> BoolArray:
-    """Free degrees of freedom, shape (n, 3).
+    """Mask the free degrees of freedom.
 
-    `clamped` names faces whose displacement is zero, or is so along some axes. `mirrors` maps a face on a mirror
-    plane to `S` (u_z even: the normal displacement vanishes there) or `A` (u_z odd: both tangential displacements vanish).
-    Raises MeshError for a face that the mesh does not have.
+    Parameters
+    ----------
+    mesh : Mesh
+        Its named faces.
+    clamped : iterable of str or (str, axes), optional
+        Faces whose displacement is zero, or zero along some axes.
+    mirrors : mapping of str to {"S", "A"}, optional
+        Faces on mirror planes: `S` for u_z even (no normal displacement), `A` for u_z odd (no tangential
+        displacement).
+
+    Returns
+    -------
+    ndarray of bool, shape (n, 3)
+        True where free.
+
+    Raises
+    ------
+    MeshError
+        For a face that the mesh does not have.
     """
     free = np.ones((len(mesh.nodes), 3), dtype=bool)
     for support in clamped:
@@ -44,8 +60,21 @@ def free_mask(mesh: AnyMesh, clamped: Iterable[Support] = (), mirrors: Mapping[s
 
 
 def rigid_body_modes(nodes: FloatArray, about_m: FloatArray | None = None, length_m: float | None = None) -> FloatArray:
-    """Three translations and three rotations about a point, or the centroid, shape (n, 3, 6); these move by 1 at a distance, by
-    default that of the farthest node along an axis.
+    """Build three translations and three rotations about a point.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (n, 3)
+        In m.
+    about_m : ndarray, shape (3,), optional
+        The point; the centroid by default.
+    length_m : float, optional
+        Distance at which rotations move by 1; by default that of the farthest node along an axis.
+
+    Returns
+    -------
+    ndarray, shape (n, 3, 6)
+        Dimensionless displacements.
     """
     arm = nodes - (nodes.mean(axis=0) if about_m is None else about_m)
     arm = arm / (length_m or max(float(np.abs(arm).max()), 1e-300))
@@ -85,14 +114,40 @@ class Pencil(PlainPencil):
 
 
 def expanded(free: BoolArray, vectors: FloatArray) -> FloatArray:
-    """Vectors (dof, k) of free degrees of freedom (n, 3) as nodal fields (n, 3, k), zero where clamped."""
+    """Expand vectors of the free degrees of freedom to nodal fields.
+
+    Parameters
+    ----------
+    free : ndarray of bool, shape (n, 3)
+        Free degrees of freedom.
+    vectors : ndarray, shape (dof, k)
+        In their order.
+
+    Returns
+    -------
+    ndarray, shape (n, 3, k)
+        Zero where clamped.
+    """
     full = np.zeros((*free.shape, vectors.shape[1]), dtype=vectors.dtype)
     full[free] = vectors
     return full
 
 
 def constrain(system: System, free: BoolArray) -> Pencil:
-    """Restrict a system to its free degrees of freedom and count the rigid-body modes that remain."""
+    """Restrict a system to its free degrees of freedom, and count the rigid-body modes that remain.
+
+    Parameters
+    ----------
+    system : System
+        Scaled K and M of all nodes.
+    free : ndarray of bool, shape (n, 3)
+        Free degrees of freedom.
+
+    Returns
+    -------
+    Pencil
+        Scaled K and M, (dof, dof).
+    """
     keep = np.flatnonzero(free.ravel())
     return Pencil(
         _symmetric(_restrict(system.stiffness, keep)),
@@ -105,7 +160,20 @@ def constrain(system: System, free: BoolArray) -> Pencil:
 
 
 def mass_rows(system: System, rows: IntArray) -> sp.csr_array:
-    """Rows of the mass of three components, m (x) I3, (r, 3n)."""
+    """Select rows of the mass of three components, m (x) I3.
+
+    Parameters
+    ----------
+    system : System
+        With scaled scalar mass (n, n).
+    rows : ndarray of int, shape (r,)
+        Degrees of freedom.
+
+    Returns
+    -------
+    sparse array, shape (r, 3n)
+        Scaled.
+    """
     scalar = sp.csr_array(system.mass[rows // 3])
     component = np.repeat(rows % 3, np.diff(scalar.indptr)).astype(scalar.indices.dtype)
     shape = (len(rows), 3 * system.mass.shape[1])

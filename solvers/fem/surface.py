@@ -205,7 +205,15 @@ class Skin:
 
 
 def gauss_points() -> tuple[FloatArray, FloatArray]:
-    """Points (COUNT^2, 2) and weights (COUNT^2,) on [-1, 1]^2, y fastest."""
+    """Return the Gauss rule on [-1, 1]^2, y fastest.
+
+    Returns
+    -------
+    points : ndarray, shape (COUNT^2, 2)
+        Places.
+    weights : ndarray, shape (COUNT^2,)
+        They add up to 4.
+    """
     s, w = legendre.leggauss(COUNT)
     return np.stack(np.meshgrid(s, s, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(w, w).ravel()
 
@@ -213,10 +221,25 @@ def gauss_points() -> tuple[FloatArray, FloatArray]:
 def parted(
     points: FloatArray, weights: FloatArray, lines_m: Sequence[float]
 ) -> tuple[FloatArray, FloatArray, sp.csr_array | None]:
-    """Points (q, 3) and weights (q,), none of whose rectangles reaches over a line, and the interpolation (q, p) to them, None
-    where they are the same.
+    """Cut the rules of rectangles at lines y = const, so that none reaches over a line.
 
-    points (p, 3) in m and weights (p,) are `gauss_points` of rectangles one after another, whichever way these are mirrored.
+    Parameters
+    ----------
+    points : ndarray, shape (p, 3)
+        `gauss_points` of rectangles one after another, mirrored in any way, in m.
+    weights : ndarray, shape (p,)
+        Their weights, in m^2.
+    lines_m : sequence of float
+        y of the lines.
+
+    Returns
+    -------
+    points : ndarray, shape (q, 3)
+        In m.
+    weights : ndarray, shape (q,)
+        In m^2.
+    interpolation : sparse array, shape (q, p), or None
+        From the points given; None where they are the same.
     """
     low, high = points[:, 1].min(), points[:, 1].max()
     margin = high - low  # a rectangle reaches beyond its outermost points, by less than this
@@ -231,7 +254,20 @@ def parted(
 
 
 def is_straight(corners: FloatArray, reference: FloatArray) -> BoolArray:
-    """Mask of the facets, nodes (f, k, 3) at reference places (k, 2), that are affine images of the reference facet, (f,)."""
+    """Find the facets that are affine images of the reference facet.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (f, k, 3)
+        Nodes of the facets.
+    reference : ndarray, shape (k, 2)
+        Their places on the reference facet.
+
+    Returns
+    -------
+    ndarray of bool, shape (f,)
+        True if affine.
+    """
     basis = np.column_stack([np.ones(len(reference)), reference])
     off = np.eye(len(reference)) - basis @ np.linalg.pinv(basis)
     deviation = np.abs(np.einsum("ak,fkj->faj", off, corners)).max(axis=(1, 2))
@@ -239,7 +275,22 @@ def is_straight(corners: FloatArray, reference: FloatArray) -> BoolArray:
 
 
 def may_be_cut(y_m: FloatArray, straight: BoolArray, lines_m: Sequence[float]) -> BoolArray:
-    """Mask of the facets that a line may cross, (f,), from y of their nodes, (f, k), and whether they are straight, (f,)."""
+    """Find the facets that a line may cross.
+
+    Parameters
+    ----------
+    y_m : ndarray, shape (f, k)
+        y of their nodes.
+    straight : ndarray of bool, shape (f,)
+        Whether they are straight.
+    lines_m : sequence of float
+        y of the lines.
+
+    Returns
+    -------
+    ndarray of bool, shape (f,)
+        True if a line may cross.
+    """
     low, high = y_m.min(axis=1), y_m.max(axis=1)
     margin = np.where(straight, NEAR, -BULGE) * (high - low)
     crossed = np.zeros(len(y_m), dtype=bool)
@@ -249,23 +300,65 @@ def may_be_cut(y_m: FloatArray, straight: BoolArray, lines_m: Sequence[float]) -
 
 
 def gauss(count: int, low: float = 0.0, high: float = 1.0) -> tuple[FloatArray, FloatArray]:
-    """Gauss points and weights between two ends."""
+    """Return the Gauss rule between two ends.
+
+    Parameters
+    ----------
+    count : int
+        Number of points.
+    low, high : float, optional
+        The ends, in any unit.
+
+    Returns
+    -------
+    points, weights : ndarray, shape (count,)
+        In that unit.
+    """
     at, weight = legendre.leggauss(count)
     half = (high - low) / 2.0
     return low + half * (at + 1.0), half * weight
 
 
 def face_quadrature(mesh: AnyMesh, face: str, lines_m: Sequence[float] = ()) -> FaceQuadrature:
-    """Quadrature over a named face, exact for squared displacements on flat faces.
+    """Build the quadrature over a named face, exact for squared displacements on flat faces.
 
-    No facet's rule straddles a line y = const of `lines_m`, so that sums over the points on one side are integrals.
-    Raises MeshError for a face that the mesh does not have.
+    No facet's rule reaches over one of the lines, so that sums over the points on one side are integrals.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Nodes in m.
+    face : str
+        Name of the face.
+    lines_m : sequence of float, optional
+        y of the lines.
+
+    Returns
+    -------
+    FaceQuadrature
+        Points in m, weights in m^2 and the interpolation from the nodes.
+
+    Raises
+    ------
+    MeshError
+        For a face that the mesh does not have.
     """
     return joined([facet_quadrature(mesh.nodes, facets, mesh.order, lines_m) for facets in mesh.facets_of(face)])
 
 
 def joined(parts: list[FaceQuadrature]) -> FaceQuadrature:
-    """One rule over several sets of facets on the same nodes."""
+    """Join the rules over several sets of facets on the same nodes.
+
+    Parameters
+    ----------
+    parts : list of FaceQuadrature
+        The rules.
+
+    Returns
+    -------
+    FaceQuadrature
+        One after another.
+    """
     if len(parts) == 1:
         return parts[0]
     points, weights = (np.concatenate([getattr(part, name) for part in parts]) for name in ("points", "weights"))
@@ -273,7 +366,24 @@ def joined(parts: list[FaceQuadrature]) -> FaceQuadrature:
 
 
 def facet_quadrature(nodes: FloatArray, faces: IntArray, order: int, lines_m: Sequence[float] = ()) -> FaceQuadrature:
-    """Quadrature as in `face_quadrature` over facets (f, k) of one shape on nodes (n, 3) in m."""
+    """Build the quadrature over facets of one shape, as `face_quadrature`.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (n, 3)
+        In m.
+    faces : ndarray of int, shape (f, k)
+        Nodes of the facets.
+    order : int
+        Order of the elements.
+    lines_m : sequence of float, optional
+        y of the lines.
+
+    Returns
+    -------
+    FaceQuadrature
+        Points in m, weights in m^2 and the interpolation from the nodes.
+    """
     if not len(lines_m):
         return _uncut(nodes, faces, order)
     solid, own = _solid(faces.shape[1], order)
@@ -284,13 +394,33 @@ def facet_quadrature(nodes: FloatArray, faces: IntArray, order: int, lines_m: Se
 
 
 def triangles(facets: IntArray) -> IntArray:
-    """Facets as triangles, (m, 3) as they are, (m, 4) cut in two, (2 m, 3)."""
+    """Split facets into triangles.
+
+    Parameters
+    ----------
+    facets : ndarray of int, shape (m, 3) or (m, 4)
+        Corners.
+
+    Returns
+    -------
+    ndarray of int, shape (m, 3) or (2 m, 3)
+        Triangles as they are, quadrangles cut in two.
+    """
     return np.concatenate([facets[:, [0, 1, 2]], facets[:, [0, 2, 3]]]) if facets.shape[1] == 4 else facets
 
 
 def skin_faces(mesh: AnyMesh) -> IntArray:
-    """Corner nodes of every outer facet, shape (m, 4) for hexahedra (in ring order) or (m, 3) for tetrahedra; where both
-    shapes occur, triangles repeat their last corner. Facets of hexahedra are cut at every node of their curved edges.
+    """List the corners of every outer facet; those of hexahedra are cut at every node of their curved edges.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The mesh.
+
+    Returns
+    -------
+    ndarray of int, shape (m, 4) or (m, 3)
+        Of hexahedra in ring order, of tetrahedra; where both occur, triangles repeat their last corner.
     """
     if isinstance(mesh, Mesh) and mesh.kind == "hex" and mesh.spans is None:
         (local,) = mesh.element.facets

@@ -202,39 +202,39 @@ class Overlaps:
 
 
 def ratio_db(inside: Any, outside: Any) -> FloatArray:
-    """Return 20 log10 of rms values, inside over outside.
+    """Express the ratio of rms values as a level, 20 log10(inside/outside).
 
     Parameters
     ----------
-    inside, outside : float or ndarray
-        Values of one unit, shape (...).
+    inside, outside : array_like, any shape
+        Rms values in one unit.
 
     Returns
     -------
-    ndarray, shape (...)
-        Levels in dB; infinite where nothing moves outside.
+    ndarray, same shape
+        In dB; infinite where nothing moves outside.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(20.0 * np.log10(np.asarray(inside) / np.asarray(outside)))
 
 
 def share_error(share: float | None, level_error_db: float | None) -> float | None:
-    """Error bar (half-width) of a part's share of the squares, from that of its level.
+    """Bound the error of a part's share of the squares by the error of its level.
 
-    For given areas, share / (1 - share) is proportional to 10^(level/10). An error e of the level puts the share at
-    share g / (1 - share + share g) with g = 10^(+-e/10). The farther of the two counts.
+    For given areas, share / (1 - share) is proportional to 10^(level/10), so that an error e of the level puts the share
+    at share g / (1 - share + share g) with g = 10^(+-e/10). The farther of both counts.
 
     Parameters
     ----------
     share : float or None
-        Share of the squares on the part, 0 to 1; None if unknown.
+        Share of the part, 0 to 1 (dimensionless).
     level_error_db : float or None
-        Error bar of the part's level over the rest; None if unknown.
+        Half-width of the level's error bar.
 
     Returns
     -------
     float or None
-        Half-width as a fraction, like the share; None if one of both is unknown.
+        Half-width of the share's error bar, dimensionless; None if one is unknown.
 
     Examples
     --------
@@ -250,19 +250,19 @@ def share_error(share: float | None, level_error_db: float | None) -> float | No
 
 
 def target_shape(design: Design, points: FloatArray) -> FloatArray:
-    """Evaluate the analytic (0, N) shape: half a sine across the zone, a free-free beam along it.
+    """Evaluate the analytic (0, N) shape: half a sine across the zone times a free-free beam mode along it.
 
     Parameters
     ----------
     design : Design
-        Gives the zone's width, length and number of nodal lines.
+        The plate with its zone.
     points : ndarray, shape (q, 2) or (q, 3)
-        Points of the zone in m from the plate's centre.
+        Points in m from the centre of the zone.
 
     Returns
     -------
     ndarray, shape (q,)
-        The shape, dimensionless.
+        The shape, 1 at the crest across; along it as `free_free_mode`.
     """
     across = np.sin(np.pi * (points[:, 1] + design.width_m / 2.0) / design.width_m)
     along = free_free_mode(design.nodal_lines).shape(points[:, 0] / design.length_m + 0.5)
@@ -270,37 +270,39 @@ def target_shape(design: Design, points: FloatArray) -> FloatArray:
 
 
 def target_symmetry(nodal_lines: int) -> str:
-    """Signs (x, y) of u_z of the target mode: a free-free beam with N nodes is even for even N; half a sine is even.
+    """Return the symmetry class (x, y) of u_z of the target mode.
+
+    A free-free beam with N nodes is even for even N; half a sine is even.
 
     Parameters
     ----------
     nodal_lines : int
-        Nodal lines across the zone, N.
+        N.
 
     Returns
     -------
     str
-        Symmetry class, SS or AS.
+        "SS" or "AS".
     """
     return ("S" if nodal_lines % 2 == 0 else "A") + "S"
 
 
 def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinement:
-    """Confinement of modes from their normal displacement on the touch face.
+    """Measure the confinement of modes from their normal displacement on the touch face.
 
     Parameters
     ----------
     touch : TouchField
-        u_z at quadrature points of the touch face.
+        Points, weights and modes.
     design : Design
-        The plate.
+        The plate with its zone.
     symmetry : str or None
-        Class of a halved model, None for a whole plate; a shape of another class has no share in it.
+        Symmetry class of a halved model, in which a target shape of another class is 0; None for a whole plate.
 
     Returns
     -------
     Confinement
-        Measures (k,) of the fields.
+        Zone share, level in dB, MAC and strength of every mode, (k,) each.
     """
     shape = _shape_at(touch, design, symmetry)
     profile = Profile(np.abs(touch.points[:, 1]), touch.weights, touch.values, shape, touch.modal_mass_kg)
@@ -308,31 +310,46 @@ def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinem
 
 
 def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """Forces at the points whose work on a mode, squared, is its strength.
+    """Compute the forces whose work on a mode, squared, is its strength.
 
     Parameters
     ----------
     touch : TouchField
-        Points with their weights, and the modal mass; values are not used.
+        Points and weights of the touch face.
     design : Design
-        The plate.
+        The plate with its zone.
     symmetry : str or None
-        Class of a halved model, None for a whole plate.
+        Symmetry class of a halved model; None for a whole plate.
 
     Returns
     -------
     ndarray, shape (q,)
-        Dimensionless, for their product with u_z; 0 in a class without the target shape.
+        Forces at the points, scaled by the modal mass.
     """
-    shape = _shape_at(touch, design, symmetry)
+    shape = shape_at(touch, design, symmetry)
     heavy = touch.weights * shape
     own = float(heavy @ shape)
     surface = design.stack.mass_kg_m2
     return np.asarray(heavy * np.sqrt(surface / (own * touch.modal_mass_kg))) if own > 0.0 else np.zeros(len(heavy))
 
 
-def _shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """Return the target shape at the points, (q,), 0 on the passive face and in a class that lacks it."""
+def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
+    """Evaluate the target shape at the points of the touch face.
+
+    Parameters
+    ----------
+    touch : TouchField
+        The points.
+    design : Design
+        The plate with its zone.
+    symmetry : str or None
+        Symmetry class of a halved model; None for a whole plate.
+
+    Returns
+    -------
+    ndarray, shape (q,)
+        0 on the passive face, and in a class that lacks the shape.
+    """
     shape = np.zeros(len(touch.points))
     if symmetry in (None, target_symmetry(design.nodal_lines)):
         active = touch.is_active(design)
@@ -340,25 +357,38 @@ def _shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatA
     return shape
 
 
-def _is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
-    """Mask of the points on the plate beyond the last row."""
+def is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
+    """Find the points on the plate beyond the last row.
+
+    Parameters
+    ----------
+    y_m : ndarray, shape (q,)
+        Distance from the plate's middle line.
+    design : Design
+        The plate with its rows.
+
+    Returns
+    -------
+    ndarray of bool, shape (q,)
+        True beyond the last row.
+    """
     return np.asarray(np.abs(y_m) > design.half_span_m - design.extension_m)
 
 
 def measure_profile(profile: Profile, design: Design) -> Confinement:
-    """Confinement of a motion known over y.
+    """Measure the confinement of a motion that is known over y.
 
     Parameters
     ----------
     profile : Profile
-        The motion and the target motion; a target motion of zero gives a MAC of 0.
+        Places, weights, values (q, k) and target shape.
     design : Design
-        The plate.
+        The plate with its zone.
 
     Returns
     -------
     Confinement
-        Measures (k,) of the motions.
+        Of every motion, (k,) each; the MAC is 0 where the target shape is zero.
     """
     y, weights = np.abs(profile.y_m), profile.weights
     squares = np.abs(profile.values) ** 2
@@ -375,23 +405,23 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
 def confined(
     squares: Sequence[FloatArray], areas: Sequence[float], projection: FloatArray, per_mass: float
 ) -> Confinement:
-    """Confinement from integrals of |u_z|^2 over parts of the touch face.
+    """Compute the confinement from integrals of |u_z|^2 over zone, passive face and the plate beyond the last row.
 
     Parameters
     ----------
     squares : three of ndarray, shape (k,)
-        Integrals over the zone, the passive face and the plate beyond the last row.
+        The integrals.
     areas : three of float
-        Areas of these parts, in the integrals' unit (m2, or m over a line).
+        The areas of these parts, in the unit of the integrals.
     projection : ndarray, shape (k,)
-        Square of the zone's motion in the target shape: |<shape, u_z>|^2 / <shape, shape>.
+        Square of the zone's motion in the target shape.
     per_mass : float
-        Mass per unit of area over the modal mass, so that the strength is per_mass times projection.
+        Mass per area divided by the modal mass.
 
     Returns
     -------
     Confinement
-        Measures (k,); levels are NaN where a part is empty.
+        Of every motion, (k,) each.
     """
     (inside, passive, beyond), (zone, aside, outer) = squares, areas
     level, further = _level_db(inside, zone, passive, aside), _level_db(inside, zone, beyond, outer)
@@ -401,19 +431,19 @@ def confined(
 
 
 def zone_parts(design: Design, y: FloatArray) -> list[BoolArray]:
-    """Masks of the points in each zone, and in none.
+    """Find the points in each zone, and in none.
 
     Parameters
     ----------
     design : Design
-        Gives the zones' centres and width.
+        The plate with its zones.
     y : ndarray, shape (q,)
-        Places across the plate in m.
+        Distance from the plate's middle line, in m.
 
     Returns
     -------
     list of ndarray of bool, shape (q,)
-        One per zone, then that of the passive face.
+        One mask per zone, then the mask of the passive face.
     """
     inside = [np.abs(y - middle) < design.width_m / 2.0 for middle in design.zone_centres_m]
     return [*inside, ~np.logical_or.reduce(inside)]
@@ -422,18 +452,18 @@ def zone_parts(design: Design, y: FloatArray) -> list[BoolArray]:
 def peak_hz(
     moved: Callable[[FloatArray], FloatArray], resonances_hz: FloatArray, band_hz: tuple[float, float], loss: float
 ) -> float:
-    """Frequency of the largest motion within a band: at resonances and the band's ends, then finer about the largest.
+    """Find the frequency of the largest motion in a band: at resonances and ends first, then on a finer grid.
 
     Parameters
     ----------
     moved : callable
-        Returns a measure (t,) that grows with the motion, at frequencies (t,) in Hz.
-    resonances_hz : ndarray, shape (k,)
-        Resonances; those outside the band are left out.
-    band_hz : (float, float)
-        Ends of the band.
+        Motion (n,) at frequencies (n,) in Hz.
+    resonances_hz : ndarray, shape (m,)
+        Resonances of the plate.
+    band_hz : tuple of float
+        Ends of the band, in Hz.
     loss : float
-        Loss factor 1/Q, relative width of a resonance.
+        Relative width of a resonance, 1/Q.
 
     Returns
     -------
@@ -451,32 +481,32 @@ def peak_hz(
 def drive_zones(
     design: Design, frequency_hz: FloatArray, profile: Profile, band_hz: tuple[float, float], quality_factor: float
 ) -> DrivenZones:
-    """Drive the zones of a plate in turn by a pressure of the target shape, each at its peak within a band.
+    """Drive each zone in turn by a pressure of the target shape, each at its own peak within a band.
 
-    a_k = phi_k' f / (f_k^2 (1 + i/Q) - f^2)
+    With M-orthonormal modes over the whole width of the plate: a_k = phi_k' f / (f_k^2 (1 + i/Q) - f^2).
 
     Parameters
     ----------
     design : Design
-        Gives the zones.
+        The plate with its zones.
     frequency_hz : ndarray, shape (k,)
         Frequencies of the modes.
     profile : Profile
-        M-orthonormal modes over the whole width of the plate.
-    band_hz : (float, float)
-        Band in which the peaks are searched.
+        The modes over y.
+    band_hz : tuple of float
+        Ends of the band, in Hz.
     quality_factor : float
-        Quality factor Q of every mode, a ratio.
+        Of every mode, dimensionless.
 
     Returns
     -------
     DrivenZones
-        Peak, levels and MAC of every zone.
+        Peaks in Hz, levels of every part in dB, and MAC of each zone.
 
     Raises
     ------
     SolverError
-        Without modes.
+        If the plate has no mode there.
     """
     if not len(frequency_hz):
         raise SolverError("the plate has no mode around the frequency of its isolated zone")
@@ -504,23 +534,23 @@ def drive_zones(
 
 
 def mixed_shares(frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> FloatArray:
-    """Bound the amplitudes of neighbours that an error of the stiffness mixes into a mode.
+    """Bound how much of every other mode an error of the stiffness adds to a mode.
 
     Parameters
     ----------
     frequency_hz : ndarray, shape (k,)
         Frequencies of the modes.
     index : int
-        The mode that they are mixed into.
+        The mode in question.
     error : float
-        Error of the frequencies, relative.
+        Relative error of the frequencies, dimensionless.
     ends_hz : tuple of float, optional
-        Ends of the interval in which all modes are known; one more mode may lie at each.
+        Frequencies at which further modes may lie, one each.
 
     Returns
     -------
     ndarray, shape (k + ends,)
-        Amplitudes relative to the mode's own, at most 1: of every mode (its own 0), then of one at each end.
+        Amplitudes relative to the mode, at most 1.
     """
     own, tones = frequency_hz[index], np.append(frequency_hz, ends_hz)
     apart = np.abs(tones**2 - own**2)
@@ -531,27 +561,25 @@ def mixed_shares(frequency_hz: FloatArray, index: int, error: float, ends_hz: tu
 def mixed_energy(
     share_of: Callable[[FloatArray], FloatArray], vectors: FloatArray, index: int, mixed: FloatArray
 ) -> tuple[float, float]:
-    """Estimate a mode's share of a part's energy, and how much mixed neighbours change it.
+    """Compute a mode's share of a part's energy, and what its neighbours change of it.
 
-    Each neighbour has the worse sign; their changes add by squares.
+    Each neighbour is added with the worse sign; the changes are combined as the root of the sum of their squares.
 
     Parameters
     ----------
     share_of : callable
-        Returns the shares (k,) of M-orthonormal motions (dof, k).
+        Shares (k,) of M-orthonormal motions (dof, k).
     vectors : ndarray, shape (dof, k)
-        Modes.
+        The modes.
     index : int
         The mode whose share it is.
     mixed : ndarray, shape (k,)
-        Amplitude of each of the others, as of `mixed_shares`.
+        Amplitudes of each of the others.
 
     Returns
     -------
-    share : float
-        The mode's share of the energy, 0 to 1.
-    change : float
-        Bound on the share's change.
+    share, change : float
+        Both dimensionless.
     """
     own, others = vectors[:, [index]], np.delete(np.arange(vectors.shape[1]), index)
     added = [

@@ -49,23 +49,21 @@ class Step:
 
 
 def zone_coefficients(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """Expand u_z on the active face in orthonormal Legendre products.
-
-    c_ij = int u_z P_i(2x/L) P_j(2y/W) over the active face
+    """Project modes on the active face: c_ij = int u_z P_i(2x/L) P_j(2y/W), P orthonormal there.
 
     Parameters
     ----------
     touch : TouchField
-        u_z (k fields) at quadrature points of the touch face.
+        Points, weights and modes.
     design : Design
-        Gives the zone.
+        The plate with its zone.
     symmetry : str or None
-        Class of a halved model, None for a whole plate; coefficients of another symmetry are 0.
+        Symmetry class of a halved model; None for a whole plate.
 
     Returns
     -------
     ndarray, shape (k, c)
-        Coefficients, in m times the unit of u_z.
+        Coefficients; 0 for polynomials of another symmetry.
     """
     active = touch.is_active(design)
     points, values = touch.points[active], touch.values[active] * touch.weights[active, None]
@@ -82,40 +80,38 @@ def _orthonormal(at: FloatArray, edge: float, degree: int) -> FloatArray:
 
 
 def mac_matrix(first: FloatArray, second: FloatArray) -> FloatArray:
-    """MAC of every pair of coefficient rows.
+    """Compute the modal assurance criterion of every pair of modes from their coefficients.
 
     Parameters
     ----------
-    first, second : ndarray, shapes (k, c) and (l, c)
-        Real coefficients in one orthonormal basis.
+    first : ndarray, shape (k, c)
+        Modes of one plate.
+    second : ndarray, shape (l, c)
+        Modes of another plate.
 
     Returns
     -------
     ndarray, shape (k, l)
-        Values from 0 to 1.
+        From 0 to 1.
     """
     own = np.outer((first**2).sum(axis=1), (second**2).sum(axis=1))
     return np.asarray((first @ second.T) ** 2 / np.maximum(own, 1e-300))
 
 
 def step(first: Shapes, second: Shapes, row: int) -> Step:
-    """Follow one mode of the first plate into the second.
+    """Follow one mode of the first plate into the second by the assignment of largest total score.
 
     Parameters
     ----------
     first, second : Shapes
         Modes of both plates.
     row : int
-        Number of the mode in the first one.
+        The mode of the first plate.
 
     Returns
     -------
     Step
-        Its counterpart, with no row where it is lost.
-
-    References
-    ----------
-    .. [1] kuhn1955 (docs/references.bib)
+        Its row in the second plate or None, their MAC, and that of the strongest rival.
     """
     from scipy.optimize import linear_sum_assignment  # a third of a second that readers of records need not wait for
 
@@ -140,14 +136,14 @@ def follow(plates: Sequence[Shapes], row: int) -> list[Step]:
     Parameters
     ----------
     plates : sequence of Shapes
-        Modes of each plate.
+        Modes of every plate.
     row : int
-        Number of the mode in the first one.
+        The mode of the first plate.
 
     Returns
     -------
     list of Step
-        One per further plate; the list ends where the mode is lost.
+        One per further plate; it ends where the mode is lost.
     """
     steps: list[Step] = []
     for before, after in pairwise(plates):
@@ -195,28 +191,24 @@ class FieldMeasures:
 
 
 def weigh(points_m: FloatArray, design: Design) -> Weights:
-    """Weigh points on the touch face by the areas that they stand for.
+    """Assign an area to every point of a map on the touch face.
 
     Parameters
     ----------
     points_m : ndarray, shape (n, 2)
-        Points from the plate's centre.
+        Measured points from the plate's centre.
     design : Design
-        The plate.
+        The plate with its zone.
 
     Returns
     -------
     Weights
-        Points on either face, with areas in m2 and the covered shares of both faces.
+        Points used, their areas in m^2, and the fractions of both faces that they cover.
 
     Raises
     ------
     SolverError
-        If no point lies on the active part.
-
-    References
-    ----------
-    .. [1] okabe2000 (docs/references.bib)
+        If no point lies on the active face.
     """
     half_x, border, half_y = design.length_m / 2.0, design.width_m / 2.0, design.half_span_m
     active: list[Rectangle] = [((-half_x, -border), (half_x, border))]
@@ -276,21 +268,22 @@ def _spacing(points: FloatArray, axis: int, width: float) -> float:
 
 
 def voronoi_areas(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Areas of the Voronoi cells of distinct points inside a rectangle, cut at its edges.
+    """Compute the areas of the Voronoi cells of distinct points inside a rectangle, cut at its edges.
 
-    The points' images in the four edges cut the cells there. A cell is the fan of triangles over its ridges.
+    No point lies on an edge. The images of the points in the four edges cut the cells there; a cell is the fan of triangles
+    over its ridges.
 
     Parameters
     ----------
     points : ndarray, shape (n, 2)
-        Points in m, none of them on an edge.
+        In m.
     low, high : ndarray, shape (2,)
-        Corners of the rectangle in m.
+        Opposite corners of the rectangle, in m.
 
     Returns
     -------
     ndarray, shape (n,)
-        Areas in m2.
+        In m^2.
     """
     images = [points]
     for axis in (0, 1):
@@ -314,21 +307,21 @@ def voronoi_areas(points: FloatArray, low: FloatArray, high: FloatArray) -> Floa
 
 
 def confinement_of(weights: Weights, values: ComplexArray, design: Design) -> FieldMeasures:
-    """Measure a complex field by the definitions of `solvers.measures.confinement`.
+    """Measure zone share, confinement and modal assurance of a measured field, as `solvers.measures.confinement` defines them.
 
     Parameters
     ----------
     weights : Weights
-        The map's points and their areas, as of `weigh`.
+        Points of the field and their areas.
     values : ndarray, shape (n,)
-        Complex u_z at all points of the map, of any unit.
+        Complex u_z in any one unit.
     design : Design
-        The plate.
+        The plate with its zone.
 
     Returns
     -------
     FieldMeasures
-        Share, confinement and MAC with the target shape.
+        Share, level in dB and MAC; None where undefined.
     """
     field = values[weights.index]
     both = TouchField(
@@ -351,21 +344,19 @@ def _finite(value: float) -> float | None:
 
 
 def assurance(area_m2: FloatArray, first: ComplexArray, second: ComplexArray) -> float:
-    """Modal assurance criterion of two complex fields.
-
-    |<a, b>|^2 / (<a, a> <b, b>), <a, b> = sum of area conj(a) b
+    """Compute |<a, b>|^2 / (<a, a> <b, b>) with <a, b> = sum of area conj(a) b.
 
     Parameters
     ----------
     area_m2 : ndarray, shape (n,)
-        Area that each point stands for.
+        Areas of the points.
     first, second : ndarray, shape (n,)
-        The fields.
+        Complex fields.
 
     Returns
     -------
     float
-        From 0 to 1; 0 where a field vanishes.
+        From 0 to 1 (dimensionless); 0 where a field vanishes.
 
     References
     ----------
@@ -376,12 +367,12 @@ def assurance(area_m2: FloatArray, first: ComplexArray, second: ComplexArray) ->
 
 
 def sampled(points_m: FloatArray, values: ComplexArray, at_m: FloatArray) -> ComplexArray:
-    """Interpolate a field: linear between its points, that of the nearest one beyond them.
+    """Interpolate a field linearly between its points, and take the nearest value beyond them.
 
     Parameters
     ----------
     points_m : ndarray, shape (q, 2)
-        Points where the field is known; repeated ones count once.
+        Points of the field.
     values : ndarray, shape (q,)
         Complex values there.
     at_m : ndarray, shape (n, 2)

@@ -49,9 +49,20 @@ class Verdict:
 NONE = Verdict("none", None)
 
 
-def _weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
-    """Strength times zone share, weighted by the mode's likeness to the target shape, (k,); a plate without passive face has
-    all of its motion in the zone, unknown strengths and likenesses count 0.
+def weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
+    """Weigh each mode: strength times zone share times MAC.
+
+    A plate without passive face has all of its motion in the zone; unknown strengths and MACs count as 0.
+
+    Parameters
+    ----------
+    strength, zone_share, mac : ndarray, shape (k,)
+        Measures of every mode; NaN if unknown.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Dimensionless weights.
     """
     share = np.where(np.isfinite(zone_share), zone_share, 1.0)
     return np.asarray(np.nan_to_num(strength) * share * np.nan_to_num(mac))
@@ -63,18 +74,17 @@ def verdict(
 ) -> Verdict:  # fmt: skip
     """Judge which mode of a symmetry class is the target mode.
 
-    It is the candidate with the largest weight among those similar to the target shape. It is single if its MAC reaches
-    MIN_MAC_SINGLE and it leads every other mode, computed or not, by LEAD. It must also carry more than all others near
-    it together.
+    It is the candidate of the largest weight among those similar to the target shape. It is single if its MAC is high, it
+    leads every other mode, computed or not, by LEAD, and it carries more than all others near it together.
 
     Parameters
     ----------
     strength, zone_share, mac : ndarray, shape (k,)
         Measures of every known mode.
     candidate, near : ndarray of bool, shape (k,), optional
-        Modes that may be the target mode; modes among which its share is counted. All by default.
+        Modes that may be the target mode; modes that its share is counted among. All by default.
     missing : float, optional
-        Upper bound of the weight of any unknown mode, a fraction.
+        Upper bound of the weight of any unknown mode, dimensionless.
 
     Returns
     -------
@@ -98,19 +108,19 @@ def verdict(
 
 
 def widened_window(window_hz: tuple[float, float], frequency_hz: float) -> tuple[float, float]:
-    """Widen the window until it extends beyond a mode on both sides.
+    """Widen a window until it extends beyond a mode on both sides.
 
     Parameters
     ----------
-    window_hz : (float, float)
-        Ends of the window.
+    window_hz : tuple of float
+        Ends of the window, in Hz.
     frequency_hz : float
         Frequency of the mode.
 
     Returns
     -------
-    (float, float)
-        Ends in Hz, WINDOW_MARGIN beyond the mode at least.
+    tuple of float
+        Ends of the widened window, in Hz.
     """
     low, high = (1.0 - WINDOW_MARGIN) * frequency_hz, (1.0 + WINDOW_MARGIN) * frequency_hz
     return min(window_hz[0], low), max(window_hz[1], high)
@@ -231,41 +241,41 @@ def search(
 
 
 def leaves_room(missing: float, best: float) -> bool:
-    """Whether an unknown mode could come nearer to the best weight than a single mode allows.
+    """Test whether an unknown mode may come nearer to the best one than a single mode allows.
 
     Parameters
     ----------
     missing : float
-        Upper bound of the weight of any unknown mode, a fraction.
+        Largest weight of an unknown mode, dimensionless.
     best : float
-        Weight of the target mode, a fraction.
+        Weight of the best mode, dimensionless.
 
     Returns
     -------
     bool
-        True if LEAD times the bound exceeds the best weight.
+        True if the verdict is open.
     """
     return LEAD * missing > best
 
 
 def missing_strength(modes: Sequence[Measured]) -> float:
-    """Total strength of all other modes of the class: 1 less the strengths of the known modes.
+    """Compute the strength of all modes of a class that are not known: 1 less that of the known ones.
 
     Parameters
     ----------
     modes : sequence of Measured
-        Known modes; unknown strengths count 0.
+        The known modes.
 
     Returns
     -------
     float
-        Fraction of the zone's mass, 0 at least.
+        At least 0, dimensionless.
     """
     return max(0.0, 1.0 - float(np.nansum(measures(modes)[0])))
 
 
 def measures(modes: Sequence[Measured]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Collect strength, zone share and MAC of modes.
+    """Collect the measures of modes.
 
     Parameters
     ----------
@@ -275,14 +285,14 @@ def measures(modes: Sequence[Measured]) -> tuple[FloatArray, FloatArray, FloatAr
     Returns
     -------
     strength, zone_share, mac : ndarray, shape (k,)
-        Dimensionless; NaN where unknown.
+        NaN where unknown.
     """
     values = np.array([(mode.strength, mode.zone_share, mode.mac) for mode in modes], dtype=float).reshape(-1, 3)
     return values[:, 0], values[:, 1], values[:, 2]
 
 
 def weights(modes: Sequence[Measured]) -> FloatArray:
-    """Part of the target shape that each mode carries.
+    """Weigh each of the modes, as `weight`.
 
     Parameters
     ----------
@@ -292,9 +302,9 @@ def weights(modes: Sequence[Measured]) -> FloatArray:
     Returns
     -------
     ndarray, shape (k,)
-        Strength times zone share times MAC, 0 to 1.
+        Dimensionless weights.
     """
-    return _weight(*measures(modes))
+    return weight(*measures(modes))
 
 
 def _judged(

@@ -274,7 +274,7 @@ class AffineCell:
 
 
 def foot_of(pillar: Pillar) -> Foot | None:
-    """Section of a pillar, if it grows with the pillar's width.
+    """Return the section of a pillar that grows with its width.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ def foot_of(pillar: Pillar) -> Foot | None:
     Returns
     -------
     Foot or None
-        None for one that does not, and for a pillar with a fillet, a tip mass or on both faces.
+        None for a pillar whose section does not.
     """
     if not pillar.is_plain:
         return None
@@ -301,25 +301,25 @@ def foot_of(pillar: Pillar) -> Foot | None:
 def quarter_mesh(
     foot: Foot, sizes: tuple[float, float, float, float], mesh: FixedMesh, panel: tuple[float, float] = (1.0, 1.0)
 ) -> tuple[Mesh, IntArray]:
-    """Mesh the quarter panel x, y >= 0 with its pillar, z = 0 the touch face.
+    """Mesh the quarter panel x, y >= 0, with z = 0 the touch face.
 
     Parameters
     ----------
     foot : Foot
         Section of the pillar.
-    sizes : (float, float, float, float)
-        Thickness, height, side and pitch in m.
+    sizes : tuple of float
+        Thickness, height, width and pitch, in m.
     mesh : FixedMesh
-        Order and elements.
-    panel : (float, float), optional
-        Width and depth of the panel, in units of the pitch.
+        Numbers of elements and their order.
+    panel : tuple of float, optional
+        Sides of the panel, in units of the pitch.
 
     Returns
     -------
     mesh : Mesh
-        Hexahedra, in m.
-    parts : ndarray of int, shape (e, 3)
-        Number of the stretch that acts on each element along x, y and z.
+        Nodes in m.
+    stretched : ndarray of int, shape (e, 3)
+        Which stretch acts on each element along x, y and z.
     """
     t, h, _, _ = sizes
     z = np.concatenate(
@@ -331,42 +331,53 @@ def quarter_mesh(
 
 
 def between(count: int, seed: int) -> FloatArray:
-    """Points evenly spread over the unit cube: a scrambled Halton sequence.
+    """Spread points evenly over the unit cube (a scrambled Halton sequence).
 
     Parameters
     ----------
     count : int
-        Points.
+        Number of points.
     seed : int
         Seed of the scrambling.
 
     Returns
     -------
     ndarray, shape (count, 4)
-        Coordinates from 0 to 1.
+        From 0 to 1.
     """
     return np.asarray(qmc.Halton(4, seed=seed).random(count))
 
 
 def as_sizes(designs: FloatArray) -> list[Sizes]:
-    """Turn rows into designs.
+    """Convert rows to designs.
 
     Parameters
     ----------
     designs : ndarray, shape (n, 4)
-        Thickness, height, side and pitch in m.
+        Thickness, height, side and pitch, in m.
 
     Returns
     -------
-    list of (float, float, float, float)
-        One tuple per row, in m.
+    list of tuple of float
+        The same, in m.
     """
     return [(float(t), float(h), float(a), float(p)) for t, h, a, p in designs]
 
 
-def _stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
-    """Thickness, height, side, what lies between the blocks along x and along y, and the pitch: what the parts of the mesh are
-    stretched by.
+def stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
+    """Return the lengths by which the parts of the mesh are stretched.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (4,), or tuple
+        Thickness, height, side and pitch, in m.
+    box : DesignBox
+        Its panel and foot.
+
+    Returns
+    -------
+    ndarray, shape (6,)
+        Thickness, height, side, clearances along x and along y, and pitch, in m.
     """
     t, h, a, p = sizes
     width, depth = (side * p - box.foot.reach * a for side in box.panel)
@@ -374,65 +385,65 @@ def _stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
 
 
 def theta(exponents: IntArray, sizes: FloatArray | Sizes, reference: Sizes, box: DesignBox) -> FloatArray:
-    """Evaluate the factors theta_q of an affine form at a design.
+    """Compute the coefficients theta_q of a design's affine forms.
 
     Parameters
     ----------
     exponents : ndarray of int, shape (q, 6)
-        Exponents of the stretches: thickness, height, side, clearances along x and y, pitch.
-    sizes : (float, float, float, float) or ndarray, shape (4,)
-        Thickness, height, side and pitch in m.
-    reference : (float, float, float, float)
-        The same of the reference design, in m.
+        Powers of the stretches.
+    sizes : ndarray, shape (4,), or tuple
+        The design, in m.
+    reference : tuple of float
+        The reference design, in m.
     box : DesignBox
-        Gives the panel and the foot.
+        Its panel and foot.
 
     Returns
     -------
     ndarray, shape (q,)
-        Dimensionless; 1 at the reference.
+        Dimensionless.
     """
-    ratio = _stretches(sizes, box) / _stretches(reference, box)
+    ratio = stretches(sizes, box) / stretches(reference, box)
     return np.asarray(np.prod(ratio ** np.asarray(exponents), axis=1))
 
 
 def across(points: FloatArray, reference: Sizes, sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
-    """Stretch points of the reference plate along x and y.
+    """Map reference coordinates to places in the stretched plate.
 
     Parameters
     ----------
     points : ndarray, shape (n, 2)
-        Points of the reference's quarter panel in m.
-    reference : (float, float, float, float)
-        Thickness, height, side and pitch of the reference design in m.
-    sizes : (float, float, float, float) or ndarray, shape (4,)
-        The same of the stretched design, in m.
+        x and y on the reference design, in m.
+    reference : tuple of float
+        The reference design, in m.
+    sizes : ndarray, shape (4,), or tuple
+        The design, in m.
     box : DesignBox
-        Gives the panel and the foot.
+        Its panel and foot.
 
     Returns
     -------
     ndarray, shape (n, 2)
-        Their places in the stretched plate, in m.
+        In m.
     """
     lines = zip(points.T, plan_lines(reference, box), plan_lines(sizes, box), strict=True)
     return np.column_stack([np.interp(own, was, now) for own, was, now in lines])
 
 
 def plan_lines(sizes: FloatArray | Sizes, box: DesignBox) -> list[list[float]]:
-    """Lines between the parts of the quarter panel: its middle, the end of its block and its side.
+    """List the quarter panel's middle, the end of its block and its side, along x and y.
 
     Parameters
     ----------
-    sizes : (float, float, float, float) or ndarray, shape (4,)
-        Thickness, height, side and pitch in m.
+    sizes : ndarray, shape (4,), or tuple
+        The design, in m.
     box : DesignBox
-        Gives the panel and the foot.
+        Its panel and foot.
 
     Returns
     -------
     list of list of float
-        Three places along x, three along y, in m.
+        Two lists of three, in m.
     """
     block = box.foot.reach * float(sizes[SIDE]) / 2.0
     return [[0.0, block, side / 2.0] for side in box.panel_m(sizes)[:2]]

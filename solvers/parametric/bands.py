@@ -68,21 +68,21 @@ def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> 
     Parameters
     ----------
     cell : ParametricCell
-        The cell, also a compressed one.
+        Reduced over the box.
     bases : BandBases
-        Path, number of bands and boundary motions.
-    sizes : (float, float, float, float) or ndarray, shape (4,)
-        Thickness, height, side and pitch in m.
+        Boundary motions at every wavevector.
+    sizes : ndarray, shape (4,), or tuple
+        The design, in m.
 
     Returns
     -------
     Bands
-        Frequencies in Hz and relative errors.
+        Frequencies in Hz and relative errors, (wavevectors, count) each.
 
     Raises
     ------
     SolverError
-        For a design outside the box, by name.
+        For a design outside the box, naming the size.
     """
     parts = cell.parts(sizes, INNER, cell.interface)
     with one_thread():
@@ -95,14 +95,44 @@ def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> 
 def _lowest(
     parts: Sequence[ClassAtDesign], bases: FloatArray, count: int
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """At each wavevector the lowest eigenvalues (count,), the waves' free boundary coordinates and their inner functions."""
-    for stiffness, mass in zip(*_pencils(parts, bases), strict=True):
+    """Compute the lowest waves at each wavevector.
+
+    Parameters
+    ----------
+    parts : sequence of ClassAtDesign
+        The sector's classes at the design.
+    bases : ndarray, shape (k, m, free)
+        Boundary motions at each wavevector.
+    count : int
+        Number of waves.
+
+    Yields
+    ------
+    values : ndarray, shape (count,)
+        Scaled eigenvalues.
+    boundary, inner : ndarray, shape (n, count)
+        Free boundary coordinates and inner functions of the waves.
+    """
+    for stiffness, mass in zip(*pencils(parts, bases), strict=True):
         values, waves = eigh(stiffness, mass, subset_by_index=(0, min(count, len(mass)) - 1), driver="gvx")
         yield np.asarray(values), waves[: bases.shape[2]], waves[bases.shape[2] :]
 
 
-def _pencils(parts: Sequence[ClassAtDesign], bases: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """K and M of [free boundary coordinates, inner functions] at each wavevector, (k, m, m)."""
+def pencils(parts: Sequence[ClassAtDesign], bases: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Build K and M of the free boundary coordinates and the inner functions at each wavevector.
+
+    Parameters
+    ----------
+    parts : sequence of ClassAtDesign
+        The sector's classes at the design.
+    bases : ndarray, shape (k, n, free)
+        Boundary motions at each wavevector.
+
+    Returns
+    -------
+    stiffness, mass : ndarray, shape (k, m, m)
+        Scaled.
+    """
     free, inner = bases.shape[2], sum(len(part.fixed_hz) for part in parts)
     stiffness, mass = (np.zeros((len(bases), free + inner, free + inner)) for _ in range(2))
     row, start = 0, free
@@ -133,26 +163,22 @@ def band_bases(
     Parameters
     ----------
     cell : ParametricCell
-        The cell.
+        Reduced over the box.
     fractions : ndarray, shape (k, 2)
-        Wavevectors of the path in units of pi / pitch.
+        Wavevectors in units of pi / pitch.
     labels : tuple of str
-        Label of each wavevector, empty for none.
+        One per wavevector, empty between labelled points.
     count : int
-        Bands.
-    designs : sequence of (float, float, float, float)
-        Thickness, height, side and pitch in m of each design.
+        Number of bands.
+    designs : sequence of tuple of float
+        In m.
     floor : float
-        Error of the cell's own bases, relative, as of `own_error`.
+        Relative error of a frequency that is always added.
 
     Returns
     -------
     BandBases
-        BOUNDARY motions per sector, twice as many where no mirror parts the waves.
-
-    References
-    ----------
-    .. [1] sirovich1987 (docs/references.bib)
+        For `bands`.
     """
     whole = cell.sectors(fractions)
     waves = [_boundary_waves(cell, whole, count, sizes) for sizes in designs]
@@ -170,44 +196,44 @@ def band_bases(
 
 
 def rich_sectors(cell: ParametricCell, fractions: FloatArray, labels: tuple[str, ...]) -> tuple[Sector, ...]:
-    """Sectors with all boundary motions at some of the wavevectors.
+    """Build the sectors with all boundary motions at the labelled wavevectors.
 
     Parameters
     ----------
     cell : ParametricCell
-        The cell.
+        Reduced over the box.
     fractions : ndarray, shape (k, 2)
-        Wavevectors of the path in units of pi / pitch.
+        Wavevectors in units of pi / pitch.
     labels : tuple of str
-        Label of each wavevector, empty for none.
+        One per wavevector, empty between labelled points.
 
     Returns
     -------
     tuple of Sector
-        At the labelled wavevectors, at every CLOSELY-th and at the middle one of each sector.
+        One per mirror sector.
     """
     labelled = np.array([bool(label) for label in labels])
     return tuple(_some(sector, labelled[sector.points]) for sector in cell.sectors(fractions))
 
 
 def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Sequence[Sizes], count: int) -> float:
-    """Largest relative excess of the cell's frequencies over those of cells made for each design alone, along its path.
+    """Compute the largest relative excess of the cell's frequencies over those of cells made for each design alone.
 
     Parameters
     ----------
     cell : ParametricCell
-        The cell.
+        Reduced over the box.
     alone : sequence of ParametricCell
-        Cells reduced for one design each.
-    designs : sequence of (float, float, float, float)
-        Thickness, height, side and pitch in m of these designs.
+        One per design.
+    designs : sequence of tuple of float
+        In m.
     count : int
-        Bands.
+        Number of bands.
 
     Returns
     -------
     float
-        As a fraction of the frequency.
+        Relative.
     """
     points = cell.box.path(2).wavevectors / np.pi
     of, worst = cell.sectors(points), 0.0
@@ -224,23 +250,23 @@ def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Se
 
 
 def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: Sequence[Sizes]) -> ParametricCell:
-    """Project the cell onto a smaller basis, made from the waves of some designs.
+    """Reduce the cell further, to a basis made from the lowest waves of the designs at the sectors' wavevectors.
 
     Parameters
     ----------
     cell : ParametricCell
-        The cell.
+        Reduced over the box.
     of : sequence of Sector
-        Wavevectors at which waves are computed.
+        Wavevectors and boundary motions.
     count : int
-        Waves per wavevector of a sector, the lowest ones.
-    designs : sequence of (float, float, float, float)
-        Thickness, height, side and pitch in m of each design.
+        Number of waves.
+    designs : sequence of tuple of float
+        In m.
 
     Returns
     -------
     ParametricCell
-        With matrices as single precision holds them.
+        With fewer functions.
     """
     rigid: list[list[FloatArray]] = [[] for _ in cell.blocks]
     moving: list[list[FloatArray]] = [[] for _ in cell.blocks]
@@ -257,8 +283,19 @@ def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: 
     return replace(cell, blocks=tuple(blocks))
 
 
-def _single(values: FloatArray) -> FloatArray:
-    """Values as single precision holds them."""
+def single(values: FloatArray) -> FloatArray:
+    """Round values to single precision.
+
+    Parameters
+    ----------
+    values : ndarray, any shape
+        In double precision.
+
+    Returns
+    -------
+    ndarray, same shape
+        In double precision, rounded.
+    """
     return np.asarray(values, dtype=np.float32).astype(float)
 
 

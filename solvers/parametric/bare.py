@@ -26,17 +26,17 @@ TRIPLES = tuple(product(range(3), repeat=2))
 
 @lru_cache(maxsize=4)
 def functions(face: Interface) -> IntArray:
-    """Number the scalar functions of a bare panel, the interface's first, in its order.
+    """Number the scalar functions along x, y (0 and 1 the hats, then bubbles) and through z; the interface's come first.
 
     Parameters
     ----------
     face : Interface
-        Polynomials of the sides.
+        Degrees along the sides and through the thickness.
 
     Returns
     -------
     ndarray of int, shape (n, 3)
-        Numbers along x and y (0 and 1 the hats, then bubbles) and through z.
+        Numbers of the functions.
     """
     layers, bubbles = range(face.layers), range(2, face.along + 1)
     out = [((1 + x) // 2, (1 + y) // 2, layer) for x, y in VERTICES for layer in layers]
@@ -47,19 +47,19 @@ def functions(face: Interface) -> IntArray:
 
 
 def line_values(s: FloatArray, derived: bool) -> tuple[FloatArray, FloatArray]:
-    """Evaluate the functions along a side and through the thickness on [-1, 1].
+    """Evaluate the functions along a side and through the thickness on [-1, 1], or their derivatives.
 
     Parameters
     ----------
     s : ndarray, shape (q,)
-        Places from -1 to 1.
+        Places.
     derived : bool
-        Whether their derivatives are meant.
+        Derivatives instead of values.
 
     Returns
     -------
     along : ndarray, shape (q, DEGREE + 1)
-        Two hats, then integrated Legendre polynomials.
+        Hats, then bubbles.
     through : ndarray, shape (q, THROUGH + 1)
         Legendre polynomials.
     """
@@ -78,8 +78,19 @@ WHOLE: Span = (-1.0, 1.0)
 
 
 @lru_cache(maxsize=64)
-def _line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
-    """int f g, int f' g and int f' g' over a part of [-1, 1], of the functions along a side and of those through it."""
+def line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
+    """Integrate f g, f' g and f' g' over a part of [-1, 1].
+
+    Parameters
+    ----------
+    span : tuple of float, optional
+        The part; all by default, from -1 to 1.
+
+    Returns
+    -------
+    tuple of tuple of ndarray, shape (n, n)
+        For the functions along a side, then for those through the thickness.
+    """
     s, weights = gauss(DEGREE + 2, *span)
     plain, derived = line_values(s, False), line_values(s, True)
     pairs = ((plain, plain), (derived, plain), (derived, derived))
@@ -105,8 +116,23 @@ def _reference(face: Interface, span: Span = WHOLE) -> tuple[FloatArray, FloatAr
 def _bare_matrices(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE
 ) -> tuple[FloatArray, FloatArray]:
-    """K and M (3 n, 3 n) of a panel, or of what lies within a span of [-1, 1] along x, among all its functions, component
-    fastest, in units of its thickness.
+    """Compute K and M of a panel, or of a part of it along x, among all its functions.
+
+    Parameters
+    ----------
+    size_m : tuple of float
+        Length, width and thickness.
+    material : Material
+        Of the panel.
+    face : Interface
+        Degrees along the sides and through the thickness.
+    span : tuple of float, optional
+        Part of [-1, 1] along x.
+
+    Returns
+    -------
+    stiffness, mass : ndarray, shape (3 n, 3 n)
+        Component fastest, scaled by the thickness.
     """
     (parts, mass) = bare_forms(size_m, material, face, span, apart=False)
     return parts[0], mass
@@ -115,27 +141,25 @@ def _bare_matrices(
 def bare_forms(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE, apart: bool = True
 ) -> tuple[list[FloatArray], FloatArray]:
-    """K and M of a bare panel, or of part of it along x, among all its functions.
-
-    Lengths are scaled by the panel's thickness. Degrees of freedom go function by function, u_x, u_y, u_z each.
+    """Compute K, split by how often it is differentiated across the plate, and M, as `bare_matrices`.
 
     Parameters
     ----------
-    size_m : (float, float, float)
-        Width, depth and thickness.
+    size_m : tuple of float
+        Length, width and thickness.
     material : Material
-        The plate's.
+        Of the panel.
     face : Interface
-        Polynomials of the sides.
-    span : (float, float), optional
-        Part of [-1, 1] along x; all by default.
+        Degrees along the sides and through the thickness.
+    span : tuple of float, optional
+        Part of [-1, 1] along x.
     apart : bool, optional
-        Whether K is split by its number of derivatives across the plate.
+        Split K in three instead of returning its sum.
 
     Returns
     -------
     stiffness : list of ndarray, shape (3 n, 3 n)
-        Terms with 0, 1 and 2 derivatives along z, or their sum alone.
+        Three, or one; scaled.
     mass : ndarray, shape (3 n, 3 n)
         Scaled.
     """
@@ -172,25 +196,25 @@ def _inside(
 def bare_strip(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE
 ) -> tuple[FloatArray, FloatArray, Expansion]:
-    """K, M and touch face of part of a panel along x, in the degrees of freedom of the panel's cell.
+    """Compute K, M and touch face of a part of the panel along x in the degrees of freedom of the panel's cell.
 
     Parameters
     ----------
-    size_m : (float, float, float)
-        Width, depth and thickness of the whole panel.
+    size_m : tuple of float
+        Length, width and thickness.
     material : Material
-        The plate's.
+        Of the panel.
     face : Interface
-        Polynomials of the sides.
-    span : (float, float), optional
-        Part of [-1, 1] along x; all by default.
+        Degrees along the sides and through the thickness.
+    span : tuple of float, optional
+        Part of [-1, 1] along x.
 
     Returns
     -------
     stiffness, mass : ndarray, shape (dof, dof)
-        Scaled by the panel's thickness.
+        Scaled.
     touch : Expansion
-        u_z at Gauss points of the part's touch face.
+        u_z on the touch face.
     """
     _, _, shapes = _inside(size_m, material, face)
     stiffness, mass = (shapes.T @ matrix @ shapes for matrix in _bare_matrices(size_m, material, face, span))
@@ -199,21 +223,21 @@ def bare_strip(
 
 @lru_cache(maxsize=64)
 def bare_cell(size_m: tuple[float, float, float], material: Material, face: Interface) -> Cell:
-    """Cell of a bare panel; every mode of its inside is kept.
+    """Build the panel's cell; every mode of its inside is kept.
 
     Parameters
     ----------
-    size_m : (float, float, float)
-        Width, depth and thickness.
+    size_m : tuple of float
+        Length, width and thickness.
     material : Material
-        The plate's.
+        Of the panel.
     face : Interface
-        Polynomials of the sides.
+        Degrees along the sides and through the thickness.
 
     Returns
     -------
     Cell
-        Scaled by the panel's thickness.
+        Without residual flexibility.
     """
     values, parity, _ = _inside(size_m, material, face)
     stiffness, mass, touch = bare_strip(size_m, material, face)
@@ -243,19 +267,19 @@ def _parity(face: Interface) -> IntArray:
 
 
 def bare_parity(face: Interface, signs: tuple[int, ...]) -> IntArray:
-    """Find the functions of the inside of one symmetry class.
+    """List the inside's functions of one symmetry class, counted from the inside's first.
 
     Parameters
     ----------
     face : Interface
-        Polynomials of the sides.
+        Degrees along the sides and through the thickness.
     signs : tuple of int
-        Signs of u_z under x -> -x and y -> -y; further ones are ignored.
+        Signs of the class.
 
     Returns
     -------
-    ndarray of int, shape (f,)
-        Scalar components, counted from the inside's first.
+    ndarray of int, shape (n,)
+        Numbers of the functions.
     """
     return np.flatnonzero((_parity(face) == signs[:2]).all(axis=1))
 

@@ -247,8 +247,21 @@ class Sector:
     bases: FloatArray
 
 
-def _class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
-    """The affine forms of one symmetry class."""
+def class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
+    """Build the affine forms of one symmetry class.
+
+    Parameters
+    ----------
+    cell : AffineCell
+        The quarter panel.
+    signs : tuple of int
+        Signs along x and y, and about the diagonal (0 for none).
+
+    Returns
+    -------
+    ClassForms
+        Folded matrices of the class.
+    """
     mirrors = {face: "S" if sign > 0 else "A" for face, sign in zip(("x-", "y-"), signs, strict=False)}
     inside = free_mask(cell.mesh, (), mirrors)
     if signs[2]:
@@ -265,21 +278,23 @@ def _class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
 
 
 def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[Sizes] = ()) -> ReducedBlock:
-    """Reduce one class over designs: keep what brings KEPT of the inside's energy, and project every matrix.
+    """Reduce a class to what its inside does at given designs, and project every matrix.
+
+    Functions that carry more than KEPT of the energy are kept.
 
     Parameters
     ----------
     block : Block
-        The class.
-    designs : iterable of (float, float, float, float)
-        Thickness, height, side and pitch in m of the designs whose motions are gathered.
-    everywhere : iterable of (float, float, float, float), optional
-        Designs in m whose rigid-body modes are among the functions, too.
+        The class on its mesh.
+    designs : iterable of tuple of float
+        In m.
+    everywhere : iterable of tuple of float, optional
+        Designs, in m, whose rigid-body modes are also included.
 
     Returns
     -------
     ReducedBlock
-        Affine matrices in the reduced basis.
+        Matrices and their exponents.
     """
     basis = _inner_basis(block, designs, KEPT, everywhere)
     exponents = block.cell.stiffness.exponents, block.cell.mass.exponents
@@ -287,40 +302,40 @@ def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[S
 
 
 def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:
-    """Reduce one class at one design, with all that its inside does there.
+    """Reduce a class at one design, with all that its inside does there: one matrix of each kind with exponents zero.
 
     Parameters
     ----------
     block : Block
-        The class.
-    sizes : (float, float, float, float)
-        Thickness, height, side and pitch in m.
+        The class on its mesh.
+    sizes : tuple of float
+        The design, in m.
 
     Returns
     -------
     ReducedBlock
-        One matrix of each kind, whose exponents are zero.
+        Valid at that design.
     """
     stiffness, mass = block.stretched(sizes)
     return _block(block, _inner_basis(block, [sizes], ALL), [stiffness], [mass], (ONCE, ONCE))
 
 
 def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedBlock:
-    """Class of the bare panel next to the pillar's: its polynomials, whose stretches are those of thickness and pitch.
+    """Build a class of the bare panel next to the pillar's; its polynomials stretch with thickness and pitch.
 
     Parameters
     ----------
     cell : AffineCell
-        Gives the reference panel and the plate's material.
+        The panel with the pillar.
     interface : Interface
-        Polynomials of the sides.
-    signs : (int, int, int)
-        Signs of u_z under x -> -x, y -> -y and x <-> y (0 without this mirror).
+        Degrees along the sides and through the thickness.
+    signs : tuple of int
+        Signs of the class.
 
     Returns
     -------
     ReducedBlock
-        Without touch points.
+        Matrices and their exponents.
     """
     forms, mass = bare_forms(cell.box.panel_m(cell.reference), cell.plate, interface)
     own = bare_parity(interface, signs)
@@ -335,11 +350,31 @@ def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedB
     )  # fmt: skip
 
 
-def _inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:
-    """Functions of the inside (inner, r), orthonormal in the strain energy of the reference design (a POD, sirovich1987).
+def inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:
+    """Gather functions of the inside, orthonormal in the strain energy of the reference design (a POD).
 
     The rigid-body modes of every design are among them, so that none meets a force. What a design's snapshots add to those of
     the designs before widens the space; the decomposition is of all snapshots' coordinates in it.
+
+    Parameters
+    ----------
+    block : Block
+        The class on its mesh.
+    designs : iterable of tuple of float
+        In m.
+    kept : float
+        Least energy of a kept direction relative to the largest.
+    everywhere : iterable of tuple of float, optional
+        Designs, in m, whose rigid-body modes are also included.
+
+    Returns
+    -------
+    ndarray, shape (inner, r)
+        The functions.
+
+    References
+    ----------
+    .. [1] sirovich1987 (docs/references.bib)
     """
     designs = list(designs)
     stiffness, _ = block.stretched(block.cell.reference)
@@ -360,23 +395,21 @@ def _inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere
 
 
 def orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float, least: float = 0.0) -> FloatArray:
-    """Orthonormalise functions in an energy, without those of too little of it.
+    """Build an orthonormal basis in energy of the span of functions.
 
     Parameters
     ----------
     functions : ndarray, shape (n, m)
-        Functions in columns.
-    energy : csr_array or ndarray, shape (n, n)
-        Symmetric, positive.
-    kept : float
-        Least energy of a direction relative to the largest.
-    least : float, optional
-        Its least energy in scaled units, in addition.
+        The functions.
+    energy : sparse array, shape (n, n)
+        Positive semidefinite form.
+    kept, least : float
+        Smallest energy of a kept direction: relative to the largest, and absolute (scaled).
 
     Returns
     -------
     ndarray, shape (n, r)
-        Basis, r <= m.
+        Orthonormal in `energy`.
     """
     size, turn = eigh(functions.T @ (energy @ functions), overwrite_a=True, check_finite=False)
     chosen = size > max(kept * size[-1], least)
@@ -384,39 +417,39 @@ def orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float, least:
 
 
 def symmetric(matrices: FloatArray) -> FloatArray:
-    """Symmetric part of each of several matrices.
+    """Symmetrise a stack of matrices.
 
     Parameters
     ----------
     matrices : ndarray, shape (q, n, n)
-        Symmetric but for rounding.
+        The matrices.
 
     Returns
     -------
     ndarray, shape (q, n, n)
-        Means of the matrices and their transposes.
+        Means of each and its transpose.
     """
     return np.asarray((matrices + matrices.transpose(0, 2, 1)) / 2.0)
 
 
 def chosen(block: Block, designs: Sequence[Sizes], missed: float) -> list[Sizes]:
-    """Choose designs that hold the motions of all, the worst next (a greedy search).
+    """Choose designs whose span represents every design.
 
-    It begins with the first design. It ends when no motion of unit strain energy of any design has more than `missed`
-    of that energy outside the span of those chosen.
+    The first design, then more until no motion of unit strain energy of any design has more than `missed` of that energy
+    outside the span of the chosen ones.
 
     Parameters
     ----------
     block : Block
-        The class, on a coarse mesh.
-    designs : sequence of (float, float, float, float)
-        Thickness, height, side and pitch in m of each design.
+        The class on its mesh.
+    designs : sequence of tuple of float
+        In m.
     missed : float
-        Fraction of a motion's energy.
+        Largest fraction of the energy.
 
     Returns
     -------
-    list of (float, float, float, float)
+    list of tuple of float
         The chosen ones, in m.
     """
     left = dict(zip(designs, _motions(block, designs), strict=True))
@@ -446,15 +479,45 @@ STAGGERED = Symmetry(
 )  # the zone's oblique sides are left alone by no mirror
 
 
-def _symmetry_of(lattice: Lattice, is_alike: bool) -> Symmetry:
-    """The symmetry of rows in line whose cell is, or is not, its own image with x and y exchanged, or of staggered rows."""
+def symmetry_of(lattice: Lattice, is_alike: bool) -> Symmetry:
+    """Return the symmetry of a lattice: staggered, or in line, whose cell is or is not its own image by exchanging x and y.
+
+    Parameters
+    ----------
+    lattice : Lattice
+        The lattice of the rows.
+    is_alike : bool
+        Whether the cell is its own image with x and y exchanged.
+
+    Returns
+    -------
+    Symmetry
+        Classes and sectors.
+    """
     return STAGGERED if lattice.is_centred else ALIKE if is_alike else UNLIKE
 
 
-def _line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
-    """The line of the zone that a wavevector in units of pi / pitch lies on and that a mirror leaves alone, by its ends.
+def line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
+    """Name the line of the zone, by its ends, on which a wavevector lies and which a mirror leaves alone.
 
-    SolverError for any other wavevector of rows in line: paths run along the sides of the irreducible Brillouin zone.
+    Parameters
+    ----------
+    fraction : ndarray, shape (2,)
+        Wavevector in units of pi / pitch.
+    lattice : Lattice
+        The lattice of the rows.
+    symmetry : Symmetry
+        Its classes and sectors.
+
+    Returns
+    -------
+    str
+        Such as "GX".
+
+    Raises
+    ------
+    SolverError
+        For any other wavevector of rows in line: paths follow the sides of the irreducible Brillouin zone.
     """
     (x, y), (end_x, end_y) = np.round(fraction, 12), np.round(np.diag(lattice.reciprocal_per_m) / (2.0 * np.pi), 12)
     end_x = end_x * (1 + lattice.is_centred)
@@ -465,8 +528,21 @@ def _line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
     raise SolverError(f"wavevector {x:g}, {y:g} pi/pitch: no mirror of the cell leaves it alone")
 
 
-def _parities(face: Interface, symmetry: Symmetry) -> tuple[FloatArray, ...]:
-    """Each member's polynomials among the cell's own, (boundary, m); the image of a class by exchanging x and y."""
+def parities(face: Interface, symmetry: Symmetry) -> tuple[FloatArray, ...]:
+    """List each class's polynomials among the cell's own; the image of a class by exchanging x and y comes last.
+
+    Parameters
+    ----------
+    face : Interface
+        Degrees along the sides and through the thickness.
+    symmetry : Symmetry
+        Its classes.
+
+    Returns
+    -------
+    tuple of ndarray, shape (boundary, m)
+        One per member.
+    """
     own = [face.parity_basis({0: x, 1: y}, diagonal) for x, y, diagonal in symmetry.classes]
     images = len(symmetry.members) - len(symmetry.classes)
     return (*own, *(one[face.diagonal()] for one in own[len(own) - images :]))
@@ -478,32 +554,28 @@ def sectors(
     lattice: Lattice = IN_LINE,
     is_alike: bool = True,
 ) -> tuple[Sector, ...]:
-    """Sort the wavevectors of a path into sectors.
+    """Build every sector of a path's wavevectors.
 
     Parameters
     ----------
     face : Interface
-        Polynomials of the sides.
-    fractions : ndarray, shape (k, 2)
+        Degrees along the sides and through the thickness.
+    fractions : array_like, shape (k, 2)
         Wavevectors in units of pi / pitch.
     lattice : Lattice, optional
-        The rows', in pitches along x; in line by default.
+        The lattice of the rows.
     is_alike : bool, optional
         Whether the cell is its own image with x and y exchanged.
 
     Returns
     -------
     tuple of Sector
-        Every sector that holds a wavevector, even and odd ones apart.
+        Wavevectors and boundary motions.
 
     Raises
     ------
     SolverError
         For a wavevector of rows in line that none of the cell's mirrors leaves alone.
-
-    References
-    ----------
-    .. [1] wigner1932 (docs/references.bib)
     """
     return _sectors(face, tuple((float(x), float(y)) for x, y in fractions), lattice, is_alike)
 

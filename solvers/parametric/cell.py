@@ -159,23 +159,23 @@ class ClassAtDesign:
 
 
 def rigid_span(parity: FloatArray, face: Interface, box: DesignBox, sizes: FloatArray | Sizes) -> FloatArray:
-    """An orthonormal basis of a class's rigid-body modes among its boundary polynomials.
+    """Build an orthonormal basis of a class's rigid-body modes among its boundary polynomials.
 
     Parameters
     ----------
     parity : ndarray, shape (boundary, m)
-        The class's polynomials among the cell's own.
+        The class's polynomials.
     face : Interface
-        Polynomials of the sides.
+        Degrees along the sides and through the thickness.
     box : DesignBox
-        Gives the panel.
-    sizes : (float, float, float, float) or ndarray, shape (4,)
-        Thickness, height, side and pitch in m.
+        Its panel.
+    sizes : ndarray, shape (4,), or tuple
+        The design, in m.
 
     Returns
     -------
     ndarray, shape (m, r)
-        Dimensionless.
+        The basis.
     """
     motions = parity.T @ rigid_polynomials(face, (*box.panel, float(sizes[THICKNESS] / sizes[PITCH])))
     left, size, _ = np.linalg.svd(motions, full_matrices=False)
@@ -189,21 +189,21 @@ def _flexible(stiffness: FloatArray, rigid: FloatArray) -> FloatArray:
 
 
 def lower(parity: FloatArray, full: Interface, face: Interface) -> tuple[FloatArray, IntArray]:
-    """Restrict a class's polynomials to an interface of lower degrees.
+    """Select a class's polynomials without the bubbles that a lower interface lacks.
 
     Parameters
     ----------
     parity : ndarray, shape (boundary, m)
-        The class's polynomials among those of `full`.
+        The class's polynomials.
     full, face : Interface
-        The present and the lower one.
+        The cell's own interface and the lower one.
 
     Returns
     -------
-    parity : ndarray, shape (lower boundary, n)
-        Those that `face` has, without the bubbles that it lacks.
+    parity : ndarray, shape (fewer, n)
+        Of the lower interface.
     kept : ndarray of int, shape (n,)
-        Their columns.
+        Columns that remain.
     """
     here = np.arange(face.vertex_block)
     layer = np.arange(face.side_block) % face.vertex_block + full.vertex_block * (
@@ -256,29 +256,27 @@ def parametric_cell(
     apply: Callable[..., Iterable[tuple[ReducedBlock, ...]]] = map,
     coarse: AffineCell | None = None,
 ) -> tuple[ParametricCell, ...]:
-    """Reduce the cell over the box from given designs, then for each unseen design one made for it alone.
+    """Reduce the cell over the box from given designs, and for each unseen design one made for it alone.
 
-    With a coarser mesh, a class uses only the designs that add something new on that mesh.
+    With a coarser mesh of the same topology, a class uses only the designs that add something new on that mesh.
 
     Parameters
     ----------
     cell : AffineCell
-        The cell on its reference mesh.
+        The quarter panel.
     interface : Interface
-        Polynomials of the sides.
-    designs : sequence of (float, float, float, float)
-        Thickness, height, side and pitch in m of the designs whose motions are gathered.
-    unseen : sequence of (float, float, float, float), optional
-        Designs, in m, of the cells made for one alone.
+        Degrees along the sides and through the thickness.
+    designs, unseen : sequence of tuple of float
+        In m.
     apply : callable, optional
         Maps over the classes, several at once if it can; the largest comes first.
     coarse : AffineCell, optional
-        Coarser mesh of the same topology.
+        The coarser mesh.
 
     Returns
     -------
     tuple of ParametricCell
-        The cell of the box, then one per unseen design.
+        That of the box, then those of the unseen designs.
     """
     work = partial(_reduce, cell, coarse, interface, tuple(designs), tuple(unseen))
     classes = ALIKE.classes if cell.box.is_alike else QUARTERS
@@ -315,26 +313,25 @@ def _reduce(
 
 
 def fitted_touch(mesh: Mesh, lines: Sequence[Sequence[float]]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fit u_z on the touch face of a quarter cell by a polynomial on each rectangle that stretches as one.
+    """Build the Gauss points of the four rectangles between lines along x and y, and the fit of u_z there.
 
-    The foot lies a plate's thickness away: degree COUNT - 1 each way follows the field, or the highest one that the points
-    determine.
+    The foot lies a plate's thickness away: degree COUNT - 1 each way follows the field, or as far as the points determine.
 
     Parameters
     ----------
     mesh : Mesh
-        Mesh of the quarter cell, in m.
-    lines : two of sequence of float
-        Lines along x and y between the rectangles, in m, as of `plan_lines`.
+        Nodes in m.
+    lines : sequence of sequence of float
+        Along x and y the middle, the end of the block and the side, in m.
 
     Returns
     -------
-    points_m : ndarray, shape (p, 2)
-        Gauss points of the four rectangles, block or clearance.
+    points : ndarray, shape (p, 2)
+        In m.
     weights : ndarray, shape (p,)
-        Their weights in m2.
-    from_mesh : ndarray, shape (p, q)
-        u_z there from that at the q points of `face_quadrature`.
+        In m^2.
+    rows : ndarray, shape (p, q)
+        u_z from that at the points of `face_quadrature`.
     """
     rule, (gauss, area) = face_quadrature(mesh, "touch"), gauss_points()
     at = rule.points[:, :2]

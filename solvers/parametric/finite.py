@@ -431,10 +431,28 @@ class FiniteModes:
         return self.scale.frequency(values), turn, self.faces.measured(turn)
 
 
-def _condense(pair: Pair, kept: int, top: float, about: float) -> Step:
-    """Drop all but the first `kept` degrees of freedom; modes of the rest up to the eigenvalue `top` stay.
+def condense(pair: Pair, kept: int, top: float, about: float) -> Step:
+    """Eliminate all but the first degrees of freedom; modes of the rest up to an eigenvalue stay.
 
-    What the other modes answer is exact at the eigenvalue `about` (leung1978): errors grow with the square of the distance.
+    The answer of the other modes is exact at one eigenvalue (leung1978): errors grow with the square of the distance.
+
+    Parameters
+    ----------
+    pair : tuple of ndarray, shape (n, n)
+        K and M.
+    kept : int
+        Number of degrees of freedom that stay.
+    top, about : float
+        Scaled eigenvalues: of the highest kept mode, and where the reduction is exact.
+
+    Returns
+    -------
+    Step
+        Shapes and reduced matrices.
+
+    References
+    ----------
+    .. [1] leung1978 (docs/references.bib)
     """
     stiffness, mass = (matrix[kept:, kept:] for matrix in pair)
     pull = pair[0][kept:, :kept] - about * pair[1][kept:, :kept]
@@ -452,20 +470,20 @@ def _condense(pair: Pair, kept: int, top: float, about: float) -> Step:
 
 
 def real_basis(row: Row) -> ComplexArray:
-    """Basis of a row's degrees of freedom in which its matrices are real.
+    """Transform the degrees of freedom [lower edge, upper edge, inner] of a row to those that make its matrices real.
 
-    What lies on a panel's middle is its own image, with or without a sign: a factor 1 or i. Of two panels, the lines
-    between them are each other's image: u = r + i t on one, sign (r - i t) on the other.
+    What lies on a panel's middle is its own image, with or without a sign: a factor 1 or i. A line between two panels is
+    the image of the other one: u = r + i t there, and its image sign (r - i t).
 
     Parameters
     ----------
     row : Row
-        One or two cells along x at a real wavenumber.
+        Cells of one pitch and the wavenumber along x.
 
     Returns
     -------
-    ndarray, shape (row dof, n)
-        Complex; degrees of freedom [lower edge, upper edge, inner] from the real ones.
+    ndarray, shape (row dof, row dof)
+        Complex, unitary.
     """
     face, cells = row.cell.interface, row.periodic.cells
     count, edge, width = len(cells), row.edge, row.cell.size_m[0]
@@ -497,19 +515,19 @@ def real_basis(row: Row) -> ComplexArray:
 
 
 def real_row(row: Row) -> Pair:
-    """K and M of a row among the degrees of freedom that `real_basis` turns into its own.
+    """Build K and M of a row in the degrees of freedom of `real_basis`.
 
-    Of a cell's inside only modes of like parity meet: their factors are alike, and drop out.
+    Only modes of equal parity of a cell's inside are coupled: their factors are alike, and drop out.
 
     Parameters
     ----------
     row : Row
-        One or two cells along x at a real wavenumber.
+        Cells of one pitch and the wavenumber along x.
 
     Returns
     -------
-    stiffness, mass : ndarray, shape (n, n)
-        Real symmetric, scaled.
+    tuple of ndarray, shape (dof, dof)
+        Real, scaled.
     """
     cells, count = row.periodic.cells, row.cell.interface.count
     dof = row.transform.shape[1]
@@ -529,9 +547,22 @@ def real_row(row: Row) -> Pair:
     return out[0], out[1]
 
 
-def _stiff_inside(cell: Cell, top: float, about: float) -> tuple[Cell, FloatArray]:
-    """The cell whose fixed-interface modes beyond the eigenvalue `top` answer as at `about`, and its degrees of freedom as
-    motions of the cell, (dof, kept). It is the same at every wavenumber.
+def stiff_inside(cell: Cell, top: float, about: float) -> tuple[Cell, FloatArray]:
+    """Replace the fixed-interface modes beyond an eigenvalue by their answer at another one, the same at every wavenumber.
+
+    Parameters
+    ----------
+    cell : Cell
+        The reduced cell.
+    top, about : float
+        Scaled eigenvalues: of the highest kept mode, and where the answer is exact.
+
+    Returns
+    -------
+    cell : Cell
+        With fewer modes.
+    shapes : ndarray, shape (dof, kept)
+        Its degrees of freedom as motions of the cell.
     """
     b = cell.interface.count
     stiffness, mass = (np.diag(matrix)[b:] for matrix in (cell.stiffness, cell.mass))
@@ -546,25 +577,40 @@ def _stiff_inside(cell: Cell, top: float, about: float) -> tuple[Cell, FloatArra
 
 
 def wavenumbers(design: Design) -> FloatArray:
-    """Wavenumbers along x of the trial functions of the target mode's class.
+    """List the wavenumbers along x of the trial functions of the target mode's class.
 
     Parameters
     ----------
     design : Design
-        Gives the length and the number of nodal lines.
+        Length and nodal lines of the zone.
 
     Returns
     -------
     ndarray, shape (j,)
-        In rad/m, ascending.
+        In rad/m.
     """
     lines = design.nodal_lines
     last = ceil(BEYOND * (max(lines, 2) - 0.5 + MORE))
     return np.asarray(pi / (BEYOND * design.length_m) * np.arange(lines % 2, last + 1), dtype=float)
 
 
-def _without_pillar(bare: Cell, boundary: FloatArray, about: float) -> FloatArray:
-    """A bare cell's motion (dof, n) at the eigenvalue `about` where its boundary moves by (b, n)."""
+def without_pillar(bare: Cell, boundary: FloatArray, about: float) -> FloatArray:
+    """Compute a bare cell's motion from that of its boundary at one eigenvalue.
+
+    Parameters
+    ----------
+    bare : Cell
+        The bare cell.
+    boundary : ndarray, shape (b, n)
+        Motion of its boundary.
+    about : float
+        Scaled eigenvalue.
+
+    Returns
+    -------
+    ndarray, shape (dof, n)
+        Motion of the cell.
+    """
     b = len(boundary)
     values = np.diag(bare.stiffness)[b:]
     return np.vstack([boundary, (about / (values - about))[:, None] * (bare.mass[b:, :b] @ boundary)])

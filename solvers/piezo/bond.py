@@ -35,46 +35,46 @@ class Contact:
 
 
 def displacement_at(plate: AssembledPlate, contact: Contact) -> sp.csr_array:
-    """Rows that give the means of u which a contact feels from a plate's degrees of freedom.
+    """Build the rows that give the means of u over a contact.
 
-    In a symmetry class points on the negative sides follow from the mirrors.
+    In a symmetry class, points on the negative sides follow from the mirrors.
 
     Parameters
     ----------
     plate : AssembledPlate
-        One symmetry class, or the whole plate.
+        One symmetry class.
     contact : Contact
-        Points in m, with b means over them.
+        Points in m and the weights of b means.
 
     Returns
     -------
-    csr_array, shape (3 b, dof)
-        u_x, u_y and u_z of the first mean, then of the next.
+    sparse array, shape (3 b, dof)
+        Rows.
 
     Raises
     ------
     SolverError
-        If a point lies outside the plate or on a panel that carries a pillar.
+        For a point outside the plate or on a panel that carries a pillar.
     """
     return displacement_on(plate, list(panel_contacts(plate, contact)), len(contact.means))
 
 
 def displacement_on(plate: AssembledPlate, panels: Sequence[PanelContact], count: int) -> sp.csr_array:
-    """Rows as in `displacement_at`, for a contact on known panels of this or another class.
+    """Build the rows of `displacement_at` for a contact on known panels of this or another class.
 
     Parameters
     ----------
     plate : AssembledPlate
-        One symmetry class, or the whole plate.
+        One symmetry class.
     panels : sequence of PanelContact
-        The contact's panels, as of `panel_contacts`.
+        From `panel_contacts`.
     count : int
-        Means of the contact, b.
+        Number b of means.
 
     Returns
     -------
-    csr_array, shape (3 b, dof)
-        u_x, u_y and u_z of the first mean, then of the next.
+    sparse array, shape (3 b, dof)
+        Rows.
     """
     parts = []
     for panel in panels:
@@ -108,19 +108,19 @@ def panel_contacts(plate: AssembledPlate, contact: Contact) -> Iterator[PanelCon
     Parameters
     ----------
     plate : AssembledPlate
-        Any symmetry class of the plate, or the whole one.
+        One symmetry class.
     contact : Contact
-        Points in m from the plate's centre, with their means.
+        Points in m and the weights of means.
 
     Yields
     ------
     PanelContact
-        One per panel of the whole plate that holds a point.
+        One per panel and mirror image.
 
     Raises
     ------
     SolverError
-        If a point lies outside the plate or on a panel that carries a pillar.
+        For a point outside the plate.
     """
     left = np.ones(len(contact.points), dtype=bool)
     for number, placed_cell in enumerate(plate.placed_cells):
@@ -141,19 +141,19 @@ def panel_contacts(plate: AssembledPlate, contact: Contact) -> Iterator[PanelCon
 
 
 def mirror_signs(symmetry: str, flip: FloatArray) -> FloatArray:
-    """Signs of u_x, u_y, u_z of a class's field relative to those at its image in x, y >= 0.
+    """Compute the signs of u_x, u_y, u_z of a class's field relative to those at its image in x, y >= 0.
 
     Parameters
     ----------
     symmetry : str
-        Symmetry class, S or A for x and then y; empty for the whole plate.
+        Symmetry class.
     flip : ndarray, shape (..., 2)
-        Below 0 along each axis that was mirrored.
+        -1 where x or y is negative, else 1.
 
     Returns
     -------
     ndarray, shape (..., 3)
-        1 or -1 each.
+        +1 or -1.
     """
     signs = np.ones((*flip.shape[:-1], 3))
     for axis, mark in enumerate(symmetry):
@@ -182,21 +182,21 @@ def _field(cell: Cell, local_m: FloatArray, means: FloatArray, back: bool) -> Fl
 
 
 def grid_weights(nodes_m: FloatArray, order: int, at_m: FloatArray) -> FloatArray:
-    """Interpolate between the nodes of a tensor grid of elements by the elements' polynomials.
+    """Interpolate from the nodes of a tensor grid of elements by the elements' polynomials.
 
     Parameters
     ----------
     nodes_m : ndarray, shape (n, 2)
-        Nodes in any order.
+        Nodes.
     order : int
         Order of the elements.
     at_m : ndarray, shape (p, 2)
-        Places on the grid; those beyond it are moved to its edge.
+        Places.
 
     Returns
     -------
     ndarray, shape (p, n)
-        Weights of the nodes at each place.
+        Weights of the nodes.
 
     Raises
     ------
@@ -367,12 +367,12 @@ class JoinedPanels:
 
 
 def positive_part(matrix: FloatArray) -> FloatArray:
-    """Positive part of a symmetric matrix: that of its eigenvalues above 0.
+    """Compute the positive part of a symmetric matrix, that of its eigenvalues above 0.
 
     Parameters
     ----------
     matrix : ndarray, shape (n, n)
-        Symmetric but for rounding.
+        The matrix.
 
     Returns
     -------
@@ -385,21 +385,21 @@ def positive_part(matrix: FloatArray) -> FloatArray:
 
 
 def between(lines: FloatArray, ends: FloatArray, reach_m: float) -> tuple[int, int]:
-    """Find the intervals that a span overlaps.
+    """Find the first and the last interval that a span widened by a reach overlaps.
 
     Parameters
     ----------
     lines : ndarray, shape (n,)
-        Ends of the intervals in m, ascending.
+        Ends of the intervals, ascending, in m.
     ends : ndarray, shape (2,)
-        Ends of the span in m.
+        The span, in m.
     reach_m : float
-        Distance by which the span is widened at each end.
+        Widening at either end.
 
     Returns
     -------
-    (int, int)
-        Numbers of the first and of the last interval.
+    tuple of int
+        Numbers of the intervals.
     """
     first = int(np.searchsorted(lines, ends[0] - reach_m + SAME_M, side="right")) - 1
     last = int(np.searchsorted(lines, ends[1] + reach_m - SAME_M, side="left")) - 1

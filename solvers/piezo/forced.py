@@ -402,19 +402,19 @@ class ForcedPlate:
 
 
 def in_phase_signs(gain: FloatArray, drivers: list[int]) -> FloatArray:
-    """Signs with which loads on a mode add up, 1 for the first driver that counts.
+    """Choose the signs with which loads on a mode add up, 1 for the first driver that counts.
 
     Parameters
     ----------
     gain : ndarray, shape (patches,)
-        Real gain of each patch's load on the mode.
+        Loads on the mode.
     drivers : list of int
-        Patches that drive; those below COUNTS of the largest gain do not count.
+        Numbers of the drivers.
 
     Returns
     -------
     ndarray, shape (patches,)
-        1 or -1 each.
+        +1 or -1.
     """
     strong = [index for index in drivers if abs(gain[index]) > COUNTS * np.abs(gain).max(initial=0.0)]
     turn = -1.0 if strong and gain[strong[0]] < 0.0 else 1.0
@@ -422,19 +422,19 @@ def in_phase_signs(gain: FloatArray, drivers: list[int]) -> FloatArray:
 
 
 def quadratic(gram: FloatArray, amplitudes: ComplexArray) -> FloatArray:
-    """Evaluate a^H G a for each column; rounding below zero counts as zero.
+    """Compute a^H G a for each column; rounding below zero counts as zero.
 
     Parameters
     ----------
-    gram : ndarray, shape (c, c)
-        Real symmetric form G.
-    amplitudes : ndarray, shape (c, n)
-        Complex coefficients a.
+    gram : ndarray, shape (n, n)
+        Symmetric G.
+    amplitudes : ndarray, shape (n, columns)
+        a.
 
     Returns
     -------
-    ndarray, shape (n,)
-        Values, 0 or more.
+    ndarray, shape (columns,)
+        At least 0.
     """
     parts = [np.einsum("nf,nf->f", part, gram @ part) for part in (amplitudes.real, amplitudes.imag)]
     return np.asarray(np.maximum(parts[0] + parts[1], 0.0))
@@ -443,21 +443,21 @@ def quadratic(gram: FloatArray, amplitudes: ComplexArray) -> FloatArray:
 def rms(
     zone_m4: FloatArray, passive_m4: FloatArray, areas_m2: tuple[float, float | None]
 ) -> tuple[FloatArray, FloatArray | None]:
-    """rms |u_z| on the active and the passive touch face from integrals of |u_z|^2.
+    """Compute rms |u_z| on the active and on the passive touch face.
 
     Parameters
     ----------
     zone_m4, passive_m4 : ndarray, shape (n,)
-        Integrals over the two parts, in m4 (per squared unit of the drive).
-    areas_m2 : (float, float or None)
-        Areas of the two parts; None without a passive face.
+        Integrals of |u_z|^2 over both, in m^4.
+    areas_m2 : tuple of float
+        Their areas; None for the second without a passive face.
 
     Returns
     -------
     zone : ndarray, shape (n,)
-        rms on the active face, in m per unit of the drive.
+        In m.
     passive : ndarray, shape (n,), or None
-        rms on the passive face; None without one.
+        In m; None without a passive face.
     """
     active, passive = areas_m2
     return np.sqrt(zone_m4 / active), None if passive is None else np.sqrt(passive_m4 / passive)
@@ -476,22 +476,21 @@ class Touched:
 def touched(group: Group, motions: FloatArray, design: Design) -> Touched:
     """Measure motions of a group on the touch face, one class's field after the other.
 
-    Classes that the patches couple move together. The target class alone contributes to the target shape. All classes
-    contribute to the integrals.
+    Classes that the patches couple move together: only the target class contributes to the target shape, all to the rest.
 
     Parameters
     ----------
     group : Group
-        Classes solved together.
+        The coupled classes.
     motions : ndarray, shape (dof, k)
-        Real motions of the group.
+        The motions.
     design : Design
-        The plate.
+        The plate with its zone.
 
     Returns
     -------
     Touched
-        Integrals of u_z^2 per pair of motions, and strengths.
+        Integrals over both faces (k, k), and strengths (k,).
     """
     count = motions.shape[1]
     grams, strength = (np.zeros((count, count)), np.zeros((count, count))), np.zeros(count)
@@ -517,23 +516,23 @@ def _unfolded(points: FloatArray, values: ComplexArray, symmetry: str) -> tuple[
 def group_modes(
     group: Group, band_hz: tuple[float, float], margin: tuple[float, float], kept: Shared | None = None
 ) -> GroupModes:
-    """Solve the modes of a group within the widened band, and its residual vectors about the band's middle.
+    """Compute the modes of a group within a band widened by a margin, and its residual vectors about the band's middle.
 
     Parameters
     ----------
     group : Group
-        Classes solved together.
-    band_hz : (float, float)
-        Ends of the band.
-    margin : (float, float)
-        Factors on the two ends, dimensionless.
+        The coupled classes.
+    band_hz : tuple of float
+        Ends of the band, in Hz.
+    margin : tuple of float
+        Factors on both ends.
     kept : Shared, optional
-        Receives counts and the residual vectors' factor for later solves of the group.
+        Receives counts and the factor for later solves of the group.
 
     Returns
     -------
     GroupModes
-        Modes extrapolated over the bond's meshes, with residual vectors of each patch.
+        Modes, residual vectors and their errors.
     """
     scale, shared = group.pencil.scale, kept or Shared(group.factorise)
     modes = modes_in_band(group.pencil, margin[0] * band_hz[0], margin[1] * band_hz[1], shared)
@@ -559,29 +558,27 @@ def group_modes(
 def residual_vectors(
     group: Group, factor: Factor, middle: float, modes: tuple[FloatArray, FloatArray], loads: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gains of loads on modes, and the loads' residual vectors about the factor's shift.
-
-    R = (K - middle M)^-1 loads less the modes' part, R1 = (K - middle M)^-1 M R
+    """Compute the gains of loads on modes, and the residual vectors R and R1 of the loads about the middle.
 
     Parameters
     ----------
     group : Group
-        Classes solved together.
+        The coupled classes.
     factor : Factor
-        Factor of K - middle M.
+        Of K - middle M.
     middle : float
-        Its shift, a scaled eigenvalue.
-    modes : (ndarray, ndarray)
-        Scaled eigenvalues, shape (m,), and M-orthonormal vectors, shape (dof, m).
+        Scaled eigenvalue in the middle of the band.
+    modes : tuple of ndarray, shapes (modes,) and (dof, modes)
+        Scaled eigenvalues and M-orthonormal vectors.
     loads : ndarray, shape (dof, l)
         Scaled loads.
 
     Returns
     -------
-    gain : ndarray, shape (m, l)
-        Work of each load on each mode.
+    gain : ndarray, shape (modes, l)
+        Of the loads on the modes.
     residual, slope : ndarray, shape (dof, l)
-        R, and its derivative R1 by the eigenvalue.
+        R and R1.
     """
     _, vectors = modes
     gain, answer = vectors.T @ loads, factor.solve(loads)

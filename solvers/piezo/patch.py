@@ -291,29 +291,29 @@ def bonded_patch(
     mesh: HexSettings | None = None,
     cache: PatchCache | None = None,
 ) -> BondedPatch:
-    """Condense a patch at its place to the nodes of its bonded face.
+    """Mesh and condense a patch that is bonded below (on the plate's back) or above (on its touch face).
 
     It is computed unless this process or the cache holds an equal one.
 
     Parameters
     ----------
     material : PiezoMaterial
-        Piezoceramic.
+        Poled through the thickness.
     box_m : ndarray, shape (4,)
         Footprint x0, x1, y0, y1.
     thickness_m : float
-        Thickness of the patch.
+        Thickness.
     above : bool
-        True for a patch on the plate's back, bonded by its lower face; False for one on the touch face.
+        On the touch face.
     mesh : HexSettings, optional
         Elements; MESH by default.
     cache : PatchCache, optional
-        Store of patches between runs.
+        Folder of condensed patches.
 
     Returns
     -------
     BondedPatch
-        Matrices in SI units.
+        Stiffness and mass at the bonded face, load and capacitance.
     """
     x0, x1, y0, y1 = (float(end) for end in box_m)
     size = round(x1 - x0, 12), round(y1 - y0, 12)
@@ -324,30 +324,27 @@ def bonded_patch(
 def with_potential(
     mesh: Mesh, material: PiezoMaterial, thickness_m: float
 ) -> tuple[sp.csr_array, sp.csr_array, FloatArray, float]:
-    """Assemble K_E, M, theta and C of a patch with its motion and its potential as unknowns.
+    """Assemble the matrices of a patch with the potential at the nodes between its electrodes.
 
-    The unknowns are the motion (3 n) of all n nodes, then the potential at the p nodes between the electrodes. The
-    potential is scaled so that its own part of K is as large as K_E.
+    K is indefinite and M has nothing at the potential. It is scaled, so that its own part is as large as K_E.
 
     Parameters
     ----------
     mesh : Mesh
-        Elements of the patch, in m.
+        Nodes in m.
     material : PiezoMaterial
-        Piezoceramic, polarised along z.
+        Poled along z.
     thickness_m : float
         Distance of the electrodes.
 
     Returns
     -------
-    stiffness : csr_array, shape (3 n + p, 3 n + p)
-        In N/m; indefinite.
-    mass : csr_array, shape (3 n + p, 3 n + p)
-        In kg; zero for the potential.
-    theta : ndarray, shape (3 n + p,)
-        Load per volt, in N/V.
+    stiffness, mass : sparse array, shape (3n + p, 3n + p)
+        In N/m and kg, motion of all nodes first.
+    theta : ndarray, shape (3n + p,)
+        Charge per displacement, in C/m.
     capacitance : float
-        In F, of the clamped patch with an even field: permittivity times area over thickness.
+        Clamped, in F (unit farad).
     """
     size = float(np.sqrt(material.stiffness_pa[2, 2] / material.permittivity_clamped_f_m[2, 2]))
     law = np.zeros((4, 3, 4, 3))  # of u_x, u_y, u_z and the potential: stresses and charges of their slopes
@@ -370,12 +367,12 @@ def with_potential(
 
 
 def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings:
-    """Choose elements of a patch as short as the target shape and the pillars beneath require.
+    """Choose the elements of a patch, as short as the target shape and the pillars beneath require.
 
     Parameters
     ----------
     design : Design
-        The plate.
+        The plate, lengths in m.
     tiling : Tiling
         Its panels.
     box_m : ndarray, shape (4,)
@@ -384,7 +381,7 @@ def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings
     Returns
     -------
     HexSettings
-        MESH with its size along the patch.
+        Order and size in m.
     """
     size = design.line_spacing_m / WAVE
     if pillars_beneath(tiling, box_m):
@@ -393,19 +390,19 @@ def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings
 
 
 def pillars_beneath(tiling: Tiling, box_m: FloatArray) -> list[tuple[int, int]]:
-    """Find the panels with a pillar, on either side of the plate, that a rectangle overlaps.
+    """List the panels with a pillar, on either side of the plate, that a rectangle overlaps.
 
     Parameters
     ----------
     tiling : Tiling
-        Panels of the plate.
+        The panels.
     box_m : ndarray, shape (4,)
         Rectangle x0, x1, y0, y1.
 
     Returns
     -------
     list of (int, int)
-        Numbers of the panels along x and y.
+        Panels (i, j).
     """
     x, y = (between(lines, ends, 0.0) for lines, ends in zip((tiling.x, tiling.y), box_m.reshape(2, 2), strict=True))
     return [(i, j) for i, j in tiling.feet if x[0] <= i <= x[1] and y[0] <= j <= y[1]]

@@ -407,15 +407,43 @@ class ExtrapolatedModes:
 def _gains_at(
     vectors: FloatArray, growth: FloatArray | None, loads: FloatArray, inertia: FloatArray | None
 ) -> FloatArray:
-    """Gains (k, patches) of loads on modes (dof, k); growth (k,): of their part by inertia."""
+    """Compute the gains of loads on modes.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape (dof, k)
+        M-orthonormal modes.
+    growth : ndarray, shape (k,), or None
+        Factor on the part by inertia.
+    loads : ndarray, shape (dof, patches)
+        Scaled loads.
+    inertia : ndarray, shape (dof, patches), or None
+        Their part by inertia.
+
+    Returns
+    -------
+    ndarray, shape (k, patches)
+        Scaled gains.
+    """
     gain = vectors.T @ loads
     if growth is None or inertia is None:
         return np.asarray(gain)
     return np.asarray(gain + (growth - 1.0)[:, None] * (vectors.T @ inertia))
 
 
-def _joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | None:
-    """Mean error fractions of several patches, whose differences add to the uncertainty; None if one has none."""
+def joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | None:
+    """Average the error fractions of several patches; their differences add to the uncertainty.
+
+    Parameters
+    ----------
+    shares : sequence of ErrorFractions or None
+        One per patch.
+
+    Returns
+    -------
+    ErrorFractions or None
+        None if one has none.
+    """
     known = [each for each in shares if each is not None]
     if not known or len(known) < len(shares):
         return None
@@ -424,19 +452,17 @@ def _joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | N
 
 
 def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
-    """Group the symmetry classes that the patches couple.
-
-    Classes stay apart along an axis about which the set of patches is its own mirror image.
+    """Group the symmetry classes that patches couple: classes stay apart along an axis about which the patches are mirrored.
 
     Parameters
     ----------
     patches : sequence of BondedPatch
-        All patches of the plate.
+        All patches.
 
     Returns
     -------
     list of list of str
-        Classes to be solved together.
+        One list per group.
     """
     low = np.array([patch.points.min(axis=0) for patch in patches])
     high = np.array([patch.points.max(axis=0) for patch in patches])

@@ -99,41 +99,41 @@ class FrequencyErrors:
 
 
 def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> ComplexArray:
-    """u_z per volt of drive at the quadrature point of the touch face nearest to a point.
+    """Compute u_z per volt of drive at a point of the touch face.
 
     Parameters
     ----------
     forced : ForcedPlate
-        The driven plate.
-    point_m : (float, float)
-        Point (x, y) from the plate's centre.
+        The plate with its modes.
+    point_m : tuple of float
+        x and y.
     frequency_hz : ndarray, shape (n,)
-        Driving frequencies.
+        Frequencies of the drive.
 
     Returns
     -------
     ndarray, shape (n,)
-        Complex, in m/V.
+        In m/V.
     """
     return point_responses(forced, np.array([point_m]), frequency_hz)[0]
 
 
 def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
-    """u_z per volt of drive at the quadrature points of the touch face nearest to given points.
+    """Compute u_z per volt of drive at points of the touch face.
 
     Parameters
     ----------
     forced : ForcedPlate
-        The driven plate.
+        The plate with its modes.
     points_m : ndarray, shape (p, 2)
-        Points from the plate's centre.
+        The points.
     frequency_hz : ndarray, shape (n,)
-        Driving frequencies.
+        Frequencies of the drive.
 
     Returns
     -------
     ndarray, shape (p, n)
-        Complex, in m/V.
+        In m/V.
     """
     at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
     volts = forced.volts_over(at)
@@ -142,21 +142,21 @@ def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: Flo
 
 
 def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float) -> tuple[float, float]:
-    """Find the point of the largest |u_z| of the operating shape; of equal ones the first, x, y >= 0.
+    """Find the point of the largest |u_z| of the operating shape; of equal ones, the first with x, y >= 0.
 
     Parameters
     ----------
     forced : ForcedPlate
-        The driven plate.
+        The plate with its modes.
     frequency_hz : float
-        Driving frequency.
+        Frequency of the drive.
     half_width_m : float
-        Half-width of the searched strip, |y| < half_width_m.
+        Only |y| below it counts.
 
     Returns
     -------
-    (float, float)
-        Point (x, y) in m.
+    tuple of float
+        x and y, in m.
     """
     points, values = forced.shape(frequency_hz)
     size = np.where(np.abs(points[:, 1]) < half_width_m, np.abs(values), 0.0)
@@ -166,23 +166,23 @@ def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float)
 
 
 def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatArray | None = None) -> sp.csr_array:
-    """Rows that give u along an axis at points of the touch face.
+    """Build the rows that give u along an axis at points of the touch face.
 
     Parameters
     ----------
     group : Group
-        Classes solved together.
+        The coupled classes.
     points_m : ndarray, shape (q, 2)
-        Points from the plate's centre.
+        The points.
     axis : int, optional
-        0, 1 or 2 for u_x, u_y or u_z.
+        0, 1 or 2 (u_z).
     means : ndarray, shape (b, q), optional
-        Weights of sums over the points, which the rows then give; by default each point alone.
+        Weights of sums over the points, which the rows then give.
 
     Returns
     -------
-    csr_array, shape (b, dof)
-        Rows over the group's degrees of freedom.
+    sparse array, shape (q, dof) or (b, dof)
+        Rows.
     """
     contact = Contact(points_m, np.eye(len(points_m)) if means is None else means, back=False)
     parts = [displacement_at(plate, contact)[axis::3] for plate in group.plates]
@@ -190,21 +190,21 @@ def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatA
 
 
 def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_hz: FloatArray | None = None) -> float:
-    """Find the zone's largest response: on a grid and at the resonances, finer about its top, then between points.
+    """Find the frequency of the zone's largest response: on a grid and at the resonances, then finer, then between points.
 
-    A resonance may be narrower than the grid's step. Each resonance within the band, of the plate with its patches as
-    wired, therefore has to be among `resonances_hz`.
+    A resonance may be narrower than the grid: each one of the plate with its patches as they are wired has to be among
+    `resonances_hz`, within the band.
 
     Parameters
     ----------
     driven : Driven
-        The structure.
+        The driven plate.
     low, high : float
-        Ends of the band in Hz.
+        Ends of the band, in Hz.
     points : int
-        Points of the grid.
-    resonances_hz : ndarray, shape (k,), optional
-        Resonances to look at.
+        Number of points of the grid.
+    resonances_hz : ndarray, shape (m,), optional
+        Resonances.
 
     Returns
     -------
@@ -219,21 +219,21 @@ def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_
 
 
 def near_hz(driven: Driven, mode_hz: float) -> float:
-    """Frequency of a mode's peak: where the response is largest within a half-power width.
+    """Find the peak of a mode, where the response is largest within a half-power width.
 
     A stronger neighbour's flank, which rises to one end of that interval, does not count as a peak.
 
     Parameters
     ----------
     driven : Driven
-        The structure.
+        The driven plate.
     mode_hz : float
         Frequency of the mode.
 
     Returns
     -------
     float
-        In Hz; the mode's own frequency where it has no peak.
+        In Hz; the mode's own frequency if it has no peak.
     """
     reach = mode_hz * driven.loss
     top = _top_of(driven, mode_hz - reach, mode_hz + reach, mode_hz)
@@ -242,16 +242,14 @@ def near_hz(driven: Driven, mode_hz: float) -> float:
 
 
 def own_or(driven: Driven, mode_hz: float, highest_hz: float) -> float:
-    """Frequency of a mode's peak as `near_hz`, or of the highest peak where both are one.
+    """Find the peak of a mode, as `near_hz`, or return the highest one's frequency if both are one peak.
 
     Parameters
     ----------
     driven : Driven
-        The structure.
-    mode_hz : float
-        Frequency of the mode.
-    highest_hz : float
-        Frequency of the highest peak.
+        The driven plate.
+    mode_hz, highest_hz : float
+        Frequencies of the mode and of the highest peak.
 
     Returns
     -------
@@ -263,23 +261,23 @@ def own_or(driven: Driven, mode_hz: float, highest_hz: float) -> float:
 
 
 def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: list[float]) -> Curve:
-    """Response on an even grid, as dense about each peak as its damping makes it narrow.
+    """Compute the response on an even grid that is finer around each peak, by its damping.
 
     Parameters
     ----------
     driven : Driven
-        The structure.
+        The driven plate.
     low, high : float
-        Ends of the grid in Hz.
+        Ends of the band, in Hz.
     points : int
-        Points of the even grid.
+        Number of points of the even grid.
     peaks_hz : list of float
-        Peaks, which are points of the curve.
+        The peaks.
 
     Returns
     -------
     Curve
-        At ascending frequencies.
+        Response over frequency.
     """
     tones = np.linspace(low, high, points)
     for peak in peaks_hz:
@@ -290,19 +288,19 @@ def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: 
 
 
 def peak_of(curve: Curve, frequency_hz: float) -> Peak:
-    """Read a peak off a curve that holds its frequency.
+    """Read a peak off a curve that contains its frequency.
 
     Parameters
     ----------
     curve : Curve
-        The response.
+        Response over frequency.
     frequency_hz : float
         Frequency of the peak.
 
     Returns
     -------
     Peak
-        Without a quality factor where the curve does not fall to both sides.
+        Frequency, rms values in m/V and quality factor.
     """
     at = int(np.argmin(np.abs(curve.frequency_hz - frequency_hz)))
     passive = curve.passive_rms_m_per_v
@@ -315,23 +313,21 @@ def peak_of(curve: Curve, frequency_hz: float) -> Peak:
 
 
 def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """Solve the modes with some patches open and the others short.
-
-    A patch left open adds theta theta'/C to K. Only modes within the band are meaningful.
+    """Compute the modes with some patches open and the others short; only those within the band are meaningful.
 
     Parameters
     ----------
     forced : ForcedPlate
-        The driven plate.
+        The plate with its modes.
     opened : sequence of int
         Numbers of the open patches.
 
     Returns
     -------
     frequency_hz : ndarray, shape (modes,)
-        Frequencies in Hz, ascending.
-    shares : ndarray, shape (modes, columns)
-        M times each mode: coordinates over the columns of all groups (modes, then residuals), one group after another.
+        Ascending.
+    coordinates : ndarray, shape (modes, columns)
+        Unit vectors over the groups' modes and residuals, group after group.
     """
     stiffness, mass, loads = _projected(forced)
     plate = forced.plate
@@ -343,17 +339,17 @@ def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, 
 
 
 def ritz_modes(stiffness: FloatArray, mass: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Solve K and M in directions of which some may depend on others.
+    """Solve K and M in directions of which some depend on others.
 
     Parameters
     ----------
     stiffness, mass : ndarray, shape (n, n)
-        Symmetric matrices in these directions.
+        K and M.
 
     Returns
     -------
-    eigenvalue : ndarray, shape (m,)
-        Ascending, in the matrices' unit (scaled frequency squared).
+    values : ndarray, shape (m,)
+        Eigenvalues, ascending.
     vectors : ndarray, shape (n, m)
         M-orthonormal.
     """
@@ -366,23 +362,19 @@ def ritz_modes(stiffness: FloatArray, mass: FloatArray) -> tuple[FloatArray, Flo
 
 
 def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> CircuitShift | None:
-    """Shift of the target mode by opening patches.
+    """Compute the shift of the target mode by opening patches.
 
     Parameters
     ----------
     forced : ForcedPlate
-        The driven plate.
+        The plate with its modes.
     opened : sequence of int, optional
-        Numbers of the open patches; all by default.
+        Numbers of the patches; all by default.
 
     Returns
     -------
     CircuitShift or None
-        None if the band holds no target mode.
-
-    References
-    ----------
-    .. [1] ieee176 (docs/references.bib)
+        Both frequencies in Hz; None if the band contains no target mode.
     """
     place = forced.target_column()
     short = forced.target_hz()
@@ -394,28 +386,28 @@ def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> C
 
 
 def open_patches(forced: ForcedPlate) -> list[int]:
-    """Patches without a prescribed voltage: the sensors, and charge-driven actuators.
+    """List the patches without a prescribed voltage: sensors and charge-driven actuators.
 
     Parameters
     ----------
     forced : ForcedPlate
-        The driven plate.
+        The plate with its circuits.
 
     Returns
     -------
     list of int
-        Their numbers, actuators first.
+        Numbers of the patches.
     """
     return forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
 
 
 def driven_hz(forced: ForcedPlate) -> float | None:
-    """Frequency of the target mode with the patches as wired: sensors open, drivers as they are fed.
+    """Return the target mode's frequency with the patches as wired: sensors open, drivers fed.
 
     Parameters
     ----------
     forced : ForcedPlate
-        The driven plate.
+        The plate with its circuits.
 
     Returns
     -------
@@ -427,16 +419,16 @@ def driven_hz(forced: ForcedPlate) -> float | None:
 
 
 def resonances_hz(forced: ForcedPlate) -> FloatArray:
-    """Frequencies within the band at which the plate resonates with its patches as wired.
+    """List the frequencies within the band at which the plate resonates with its patches as wired.
 
     Parameters
     ----------
     forced : ForcedPlate
-        The driven plate.
+        The plate with its circuits.
 
     Returns
     -------
-    ndarray, shape (k,)
+    ndarray, shape (n,)
         In Hz, ascending.
     """
     low, high = forced.band_hz
@@ -445,22 +437,22 @@ def resonances_hz(forced: ForcedPlate) -> FloatArray:
 
 
 def admittance(forced: ForcedPlate, frequency_hz: FloatArray) -> ComplexArray:
-    """Admittance of the driven patches in parallel, each with its polarisation; sensors stay open.
+    """Compute the current per volt into the driven patches in parallel, each with its polarisation; sensors stay open.
 
-    Y = j omega s' q with the signs s of the driven patches and their charges q = theta' u + C V. Dielectric losses are
-    neglected.
+    The charge of a patch is theta' u + C V with its bonded face's motion u: Y = j omega s' q over the driven ones. Dielectric
+    losses are left out.
 
     Parameters
     ----------
     forced : ForcedPlate
-        The driven plate.
+        The plate with its circuits.
     frequency_hz : ndarray, shape (n,)
-        Driving frequencies.
+        Frequencies of the drive.
 
     Returns
     -------
     ndarray, shape (n,)
-        Complex current per volt, in S.
+        In S (siemens).
     """
     signs, driven, left = forced.signs[forced.drivers], forced.drivers, forced.sensors
     at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
@@ -499,42 +491,42 @@ def frequency_errors(basis: GroupModes) -> FrequencyErrors:
 
 
 def frequency_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
-    """Error bar of the frequency of the peak nearest to one: mesh, reduction and bonding of the nearest mode together.
+    """Return the error bar of the peak nearest to a frequency, that of its mode: mesh, reduction and bonding together.
 
     Parameters
     ----------
     forced : ForcedPlate
-        The driven plate.
+        The plate with its modes.
     frequency_hz : float
-        Frequency of the peak.
+        The frequency.
 
     Returns
     -------
     float or None
-        Half-width, relative; None without an estimate.
+        Relative half-width; None without an estimate.
     """
     basis, index = _nearest(forced, frequency_hz)
     return None if basis is None else _known(float(frequency_errors(basis).total[index]))
 
 
 def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
-    """Error bar of the height of the peak nearest to a frequency.
+    """Estimate the error bar of the height of the peak nearest to a frequency.
 
-    A resonance's height is proportional to phi'f / lambda: the errors of the loads f and of the mode's frequency add up.
-    Damping is given and not judged. The part of the panels' discarded modes is known at rest. At the mode's eigenvalue l
-    it may be larger by l / (L - l), L the lowest eigenvalue of these modes.
+    A resonance's height goes as phi'f / lambda: the errors of the loads f and of the mode's frequency add up. Damping is
+    given and not judged. The part of the panels' discarded modes is known at rest: at the mode's eigenvalue l it may be
+    larger by l / (L - l), with L the lowest discarded eigenvalue.
 
     Parameters
     ----------
     forced : ForcedPlate
-        The driven plate.
+        The plate with its modes.
     frequency_hz : float
-        Frequency of the peak.
+        The frequency.
 
     Returns
     -------
     float or None
-        Half-width, relative; None without an estimate or a mode nearby.
+        Relative half-width; None without an estimate or a mode nearby.
     """
     basis, index = _nearest(forced, frequency_hz)
     if basis is None or basis.bond is None:
@@ -549,17 +541,17 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
 
 
 def load_errors(basis: GroupModes) -> FloatArray:
-    """Errors of the loads' gains due to the mesh of the bond and the panels' discarded modes.
+    """Estimate the errors of the loads' gains due to the mesh of the bond and to the panels' discarded modes.
 
     Parameters
     ----------
     basis : GroupModes
-        Modes of some classes, solved together.
+        Modes of a group.
 
     Returns
     -------
     ndarray, shape (modes, patches)
-        Half-widths in the gains' scaled unit; NaN where unknown.
+        Scaled as the gains; NaN where unknown.
     """
     if basis.bond is None or basis.group.by_modes is None:
         return np.full_like(basis.gain, np.nan)

@@ -60,7 +60,7 @@ def level_bars(frequency_hz: FloatArray, level_db: FloatArray, error: float | No
     frequency_hz, level_db : ndarray, shape (n,)
         The samples, ascending in frequency; NaN for no level.
     error : float or None
-        Error bar of the frequencies, relative; None without an estimate.
+        Relative error bar of the frequencies, dimensionless; None without an estimate.
     level : callable
         Returns the level in dB at a frequency in Hz; called where the samples do not resolve the curve.
 
@@ -123,10 +123,26 @@ MOST = 0.45  # relative: eigenvalues stay positive
 def _mode_errors(
     column: Assembly, pencil: tuple[ComplexArray, ComplexArray], value: FloatArray, vectors: ComplexArray
 ) -> ModeErrors:
-    """Estimate the errors of M-orthonormal modes (dof, k) of a column and its K and M with scaled eigenvalues (k,).
+    """Estimate the errors of a column's modes.
 
-    What they lose by discarded fixed-interface modes is l u^H D u / 2, D the residual flexibility; what the last degree on the
-    sides brought bounds the next ones, as that through the thickness does where cells know further ones.
+    Discarded fixed-interface modes cost l u^H D u / 2, with D the residual flexibility. What the last degree along the sides
+    changed bounds the next ones, and so does that through the thickness where cells have further ones.
+
+    Parameters
+    ----------
+    column : Assembly
+        The joined cells.
+    pencil : tuple of ndarray, shape (dof, dof)
+        Scaled K and M.
+    value : ndarray, shape (k,)
+        Scaled eigenvalues.
+    vectors : ndarray, shape (dof, k)
+        M-orthonormal modes.
+
+    Returns
+    -------
+    ModeErrors
+        Relative errors of the frequencies, infinite where unknown.
     """
     with np.errstate(invalid="ignore"):
         modes = by_modes(column, value, vectors)
@@ -161,24 +177,22 @@ def forced_bars(
     error: FloatArray,
     mixed: float,
 ) -> FloatArray:
-    """Half-widths of the error bars of the level of one part over another, of a motion forced on M-orthonormal modes.
+    """Bound the error of the level of one part over another in a motion forced on M-orthonormal modes.
 
     Parameters
     ----------
-    parts : two of (weights, values)
-        Faces whose rms are compared: areas (q,) of their points in m2, and the modes (q, k) there.
-    force : ndarray, shape (k,)
-        Modal forces, complex.
-    value : ndarray, shape (k,)
-        Scaled eigenvalues of the modes.
+    parts : two of (weights (q,), values (q, k))
+        Faces whose rms are compared: areas of their points, and the modes there.
+    force, value : ndarray, shape (k,)
+        Modal forces and scaled eigenvalues.
     moved : ndarray, shape (t,)
         Scaled eigenvalues of the driving frequencies.
     quality_factor : float
-        Quality factor Q of every mode, a ratio.
+        Of every mode, dimensionless.
     error : ndarray, shape (k,)
-        Error bars of the modes' frequencies, relative.
+        Relative error bars of the frequencies.
     mixed : float
-        Expected fraction of the bound on what modes mix.
+        Expected fraction of the bound on the mixing of modes.
 
     Returns
     -------
@@ -384,28 +398,28 @@ def _numbered(live: BoolArray, start: int) -> tuple[IntArray, int]:
 
 
 def column_strips(design: Design, max_edge_m: float, panels: int | None = None) -> list[tuple[Panel, ...]]:
-    """Panels of one column along y, grouped by strip; with one zone, from its middle outwards.
+    """List the panels of one column along y by strip; with one zone, from its middle outwards.
 
     With staggered rows, each pitch has two panels, with the pillar in one or the other.
 
     Parameters
     ----------
     design : Design
-        The plate.
+        The plate, lengths in m.
     max_edge_m : float
-        Longest edge of a panel, and the column's width without rows.
+        Largest panel edge.
     panels : int, optional
-        Panels in a pitch along x; by default as few as the rows allow.
+        Panels per pitch.
 
     Returns
     -------
     list of tuple of Panel
-        Panels of each strip, along x.
+        One tuple per strip.
 
     Raises
     ------
     SolverError
-        If the panels of a plate with one zone do not part at y = 0.
+        If a plate with one zone has no panel edge at y = 0.
     """
     width = max_edge_m if isnan(design.pitch_x_m) or not design.rows else design.pitch_x_m
     count = (panels or 1 + design.is_staggered) if design.rows else 1

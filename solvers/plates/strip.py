@@ -42,30 +42,44 @@ class EffectiveMass:
     coupling: FloatArray
 
 
-def _root_compliance(pillar: Pillar) -> float:
-    """Rotation of the pillar's foot in an elastic half-space per moment, rad/(N m): 16.67/(pi E a^3).
+def root_compliance(pillar: Pillar) -> float:
+    """Compute the rotation of a pillar's foot in an elastic half-space per moment: 16.67/(pi E a^3).
 
-    Plane stress, for a square section of side a; another one has that of the square of equal area. Source: odonnell1960.
+    Plane stress, for a square section of side a; another section counts as the square of equal area.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        Section in m, material in Pa.
+
+    Returns
+    -------
+    float
+        In rad/(N m).
+
+    References
+    ----------
+    .. [1] odonnell1960 (docs/references.bib)
     """
     return ROOT / (pillar.material.rod(2).young_pa * pillar.form.section.area_m2**1.5)
 
 
 def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0.0) -> EffectiveMass:
-    """Effective mass of a pillar that bends while its foot turns about a line in the plate.
+    """Compute the effective mass of a pillar whose foot turns about a line below it while the pillar bends.
 
     Parameters
     ----------
     pillar : Pillar
-        The pillar.
+        Sizes in m.
     lever_m : float
-        Distance of the line below the foot: half the plate's thickness.
+        Distance of the line below the foot: to the middle of the plate.
     compliance : float, optional
-        Rotation of the pillar on its foot per moment, rad/(N m); 0 for a foot that is clamped in the plate.
+        Rotation of the foot per moment due to the plate around it, in rad/(N m).
 
     Returns
     -------
     EffectiveMass
-        Of the foot's rotation.
+        Moment of inertia in kg m^2 and its resonances.
 
     References
     ----------
@@ -95,17 +109,17 @@ def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0
 
 
 def lifting_effective_mass(pillar: Pillar) -> EffectiveMass:
-    """Effective mass of a pillar that stretches while its foot moves along its axis.
+    """Compute the effective mass of a pillar whose foot moves along its axis while the pillar stretches.
 
     Parameters
     ----------
     pillar : Pillar
-        The pillar.
+        Sizes in m.
 
     Returns
     -------
     EffectiveMass
-        Of the foot's lift.
+        Mass in kg and its resonances.
     """
     beam = pillar_beam(pillar, about_x=True)
     s, weight, ratio = _rule(beam)
@@ -165,26 +179,26 @@ _GAUSS = legendre.leggauss(4)
 
 
 def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float = 0.5) -> AcrossModes:
-    """Solve the modes of a plate as one strip, within a window.
+    """Compute the strip's modes in a frequency band.
 
     Parameters
     ----------
     design : Design
-        The plate.
+        The plate, lengths in m.
     low_hz, high_hz : float
-        Ends of the window.
+        Ends of the band, inclusive.
     softness : float, optional
-        Fraction of a half-space's compliance that the pillars' feet have, in addition to the strip's own bending.
+        Factor on the compliance of the pillars' feet beyond the strip's own bending: 1 is a half-space.
 
     Returns
     -------
     AcrossModes
-        Frequencies and measures (k,).
+        Frequencies (n,) in Hz and their profiles.
 
     Raises
     ------
     SolverError
-        If the design lacks a zone or a thickness.
+        For a design without zone or thickness.
     """
     frequency_hz, profile = _solved(design, (low_hz, high_hz), softness)
     return AcrossModes(frequency_hz, measure_profile(profile, design))
@@ -193,30 +207,28 @@ def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float =
 def strip_zones(
     design: Design, low_hz: float, high_hz: float, quality_factor: float, softness: float = 0.5
 ) -> DrivenZones:
-    """Drive the zones of a plate as one strip in turn, at their peaks within a window.
-
-    The modes within the window and somewhat beyond respond.
+    """Drive each zone of a plate at its peak within a band, with the strip's modes there and somewhat beyond.
 
     Parameters
     ----------
     design : Design
-        The plate.
+        The plate, lengths in m.
     low_hz, high_hz : float
-        Ends of the window.
+        Ends of the band.
     quality_factor : float
-        Quality factor Q of every mode, a ratio.
+        Of every mode, dimensionless.
     softness : float, optional
-        Fraction of a half-space's compliance that the pillars' feet have, in addition to the strip's own bending.
+        Factor on the compliance of the pillars' feet: 1 is a half-space.
 
     Returns
     -------
     DrivenZones
-        Peak, levels and MAC of every zone.
+        Frequencies in Hz and levels in dB.
 
     Raises
     ------
     SolverError
-        If the design lacks a zone or a thickness, or no mode lies there.
+        For a design without zone or thickness, and if no mode lies there.
     """
     frequency_hz, profile = _solved(design, (BESIDE[0] * low_hz, BESIDE[1] * high_hz), softness)
     return drive_zones(design, frequency_hz, profile, (low_hz, high_hz), quality_factor)

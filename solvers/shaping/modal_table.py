@@ -61,10 +61,25 @@ class ModalTable:
         return int(np.argmin(np.abs(self.frequencies_hz - frequency_hz)))
 
 
-def _receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """1/(omega_m^2 - omega^2 + i omega omega_m/Q_m), s2, shape (m,).
+def receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
+    """Compute 1/(omega_m^2 - omega^2 + i omega omega_m/Q_m) of every mode.
 
-    Raises SolverError for a frequency that is not above 0, and on the very frequency of a mode without loss.
+    Parameters
+    ----------
+    table : ModalTable
+        Modes of 1 kg.
+    frequency_hz : float
+        Frequency of the drive.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        In s^2.
+
+    Raises
+    ------
+    SolverError
+        For a frequency that is not above 0, or that of a mode without loss.
     """
     check_above_zero("frequency in Hz", frequency_hz)
     omega = 2.0 * pi * frequency_hz
@@ -79,71 +94,71 @@ def _receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
 
 
 def modal_drive(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Modal coordinates per volt of each actuator.
+    """Compute the modal coordinates per volt.
 
     Parameters
     ----------
     table : ModalTable
-        The structure.
+        Modes and actuators.
     frequency_hz : float
-        Driving frequency.
+        Frequency of the drive.
 
     Returns
     -------
     ndarray, shape (m, a)
-        Complex, in m sqrt(kg) per volt.
+        In sqrt(kg) m/V.
 
     Raises
     ------
     SolverError
-        For a frequency that is not above 0, or that of a mode without loss.
+        As `receptance`.
     """
-    return np.asarray(_receptance(table, frequency_hz)[:, None] * table.actuators)
+    return np.asarray(receptance(table, frequency_hz)[:, None] * table.actuators)
 
 
 def sensor_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Transfer matrix T(omega): signals per volt.
+    """Compute T(omega), the sensors' signals per volt.
 
     Parameters
     ----------
     table : ModalTable
-        The structure.
+        Modes, actuators and sensors.
     frequency_hz : float
-        Driving frequency.
+        Frequency of the drive.
 
     Returns
     -------
     ndarray, shape (s, a)
-        Complex, in the sensors' unit per volt; the static residual is included.
+        In the sensors' unit per volt.
 
     Raises
     ------
     SolverError
-        For a frequency that is not above 0, or that of a mode without loss.
+        As `receptance`.
     """
     modal: ComplexArray = table.sensors.T @ modal_drive(table, frequency_hz)
     return modal if table.sensor_residual is None else modal + table.sensor_residual
 
 
 def field_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Displacement at the table's points per volt.
+    """Compute the displacement at the points per volt.
 
     Parameters
     ----------
     table : ModalTable
-        The structure.
+        Modes, actuators and points.
     frequency_hz : float
-        Driving frequency.
+        Frequency of the drive.
 
     Returns
     -------
     ndarray, shape (p, a)
-        Complex, in m/V; the static residual is included.
+        In m/V.
 
     Raises
     ------
     SolverError
-        For a frequency that is not above 0, or that of a mode without loss.
+        As `receptance`.
     """
     modal: ComplexArray = table.field.T @ modal_drive(table, frequency_hz)
     return modal if table.field_residual is None else modal + table.field_residual
@@ -201,24 +216,22 @@ class Conditioning:
 
 
 def orthogonality(matrix: ComplexArray) -> FloatArray:
-    """Compare the rows of T: ORT_ij = |t_i . conj t_j|/(|t_i||t_j|).
-
-    No scaling of a row changes it.
+    """Compute |cos| of the angle between every pair of sensors' rows, which the scaling of a row does not change.
 
     Parameters
     ----------
     matrix : ndarray, shape (s, a)
-        Transfer matrix T.
+        T.
 
     Returns
     -------
     ndarray, shape (s, s)
-        From 0 (orthogonal) to 1 (parallel).
+        ORT, from 0 to 1.
 
     Raises
     ------
     SolverError
-        If a sensor answers to no actuator.
+        For a row of zeros.
     """
     matrix = np.asarray(matrix, dtype=complex)
     size = np.linalg.norm(matrix, axis=1)
@@ -234,22 +247,22 @@ def orthogonality(matrix: ComplexArray) -> FloatArray:
 
 
 def coupling_index(matrix: ComplexArray) -> float:
-    """Coupling index ||I - ORT||_2/(N - 1) of the rows of T.
+    """Compute ||I - ORT||_2/(N - 1): 0 for orthogonal rows, 1 for parallel ones.
 
     Parameters
     ----------
     matrix : ndarray, shape (s, a)
-        Transfer matrix T.
+        T.
 
     Returns
     -------
     float
-        From 0 (orthogonal rows) to 1 (all parallel).
+        Dimensionless.
 
     Raises
     ------
     SolverError
-        If there are fewer than two sensors, or one answers to no actuator.
+        For fewer than two rows, or a row of zeros.
     """
     if len(matrix) < 2:
         raise SolverError("the coupling index compares sensors: it needs two or more")
@@ -258,22 +271,22 @@ def coupling_index(matrix: ComplexArray) -> float:
 
 
 def conditioning(matrix: ComplexArray) -> Conditioning:
-    """Condition number and coupling index of T.
+    """Compute the condition number and the coupling index of T.
 
     Parameters
     ----------
     matrix : ndarray, shape (s, a)
-        Transfer matrix T.
+        T.
 
     Returns
     -------
     Conditioning
-        Both, with a condition number of inf for a singular T.
+        Both, dimensionless.
 
     Raises
     ------
     SolverError
-        If there are fewer than two sensors, or one answers to no actuator.
+        As `coupling_index`.
     """
     singular = np.linalg.svd(matrix, compute_uv=False)
     coupling = coupling_index(matrix)
@@ -290,24 +303,24 @@ class Scan:
 
 
 def scan(matrix_at: Callable[[float], ComplexArray], frequencies_hz: FloatArray) -> Scan:
-    """Conditioning of T at each frequency.
+    """Compute the conditioning of T at each frequency.
 
     Parameters
     ----------
     matrix_at : callable
-        Returns T (s, a) at a frequency in Hz.
+        T (s, a) at a frequency in Hz.
     frequencies_hz : ndarray, shape (n,)
-        Frequencies of the scan.
+        The frequencies.
 
     Returns
     -------
     Scan
-        Condition number and coupling index over frequency.
+        Condition number and coupling index, (n,) each.
 
     Raises
     ------
     SolverError
-        If `matrix_at` raises it, or T cannot be compared (`coupling_index`).
+        As `coupling_index`.
     """
     couplings = [conditioning(matrix_at(float(f))) for f in frequencies_hz]
     return Scan(
@@ -318,19 +331,19 @@ def scan(matrix_at: Callable[[float], ComplexArray], frequencies_hz: FloatArray)
 
 
 def operating_frequencies(of: Scan, count: int = 3) -> FloatArray:
-    """Find the best frequencies to invert T at: the least condition numbers among the local minima of a scan.
+    """Choose the best frequencies at which to invert T: the smallest condition numbers among the local minima of a scan.
 
     Parameters
     ----------
     of : Scan
-        Conditioning over frequency.
+        Condition numbers over frequency.
     count : int, optional
-        Frequencies at most.
+        Largest number of frequencies.
 
     Returns
     -------
-    ndarray, shape (count,) or shorter
-        Frequencies in Hz, best first.
+    ndarray, shape (count or fewer,)
+        In Hz, best first.
 
     Raises
     ------
@@ -356,24 +369,22 @@ NODE = 0.05  # of the largest amplitude: a sensor below it stands too near a nod
 
 
 def calibrate(displacement: ComplexArray, voltage: ComplexArray) -> ComplexArray:
-    """Calibrate sensors on a standing wave: c = sum conj(V) w/sum |V|^2 over the amplitudes.
+    """Calibrate sensors by the amplitudes of one standing wave: c = sum conj(V) w/sum |V|^2.
 
     Parameters
     ----------
-    displacement : ndarray, shape (n, s)
-        Complex displacement w under each sensor, in m, at n amplitudes of one wave.
-    voltage : ndarray, shape (n, s)
-        Complex voltage V of each sensor, in V.
+    displacement, voltage : ndarray, shape (n, s)
+        Complex readings at n amplitudes, in m and V.
 
     Returns
     -------
     ndarray, shape (s,)
-        Complex factor c of each sensor, in m/V.
+        In m/V.
 
     Raises
     ------
     SolverError
-        If there are fewer than two amplitudes, the shapes differ, or a sensor stands on a node of the wave.
+        For fewer than two amplitudes, unequal shapes, or a sensor on a node of the wave.
     """
     w, v = displacement, voltage
     if w.ndim != 2 or w.shape != v.shape or not w.size:
@@ -388,12 +399,12 @@ def calibrate(displacement: ComplexArray, voltage: ComplexArray) -> ComplexArray
 
 
 def common_phase(factor: ComplexArray) -> float:
-    """Common phase of the sensors' factors, due to the delay of the measuring chain.
+    """Compute the common phase of the sensors' factors, which is the delay of the measuring chain.
 
     Parameters
     ----------
     factor : ndarray, shape (s,)
-        Complex factors, as of `calibrate`.
+        Complex factors.
 
     Returns
     -------

@@ -24,19 +24,19 @@ MIN_COUNT = 8  # points for a two-wave fit
 
 
 def wave_target(places_m: FloatArray, wavelength_m: float) -> ComplexArray:
-    """Target e^{-2 pi i x/lambda} at the sensors: equal amplitudes, phases by place.
+    """Compute e^{-2 pi i x/lambda} at the sensors: equal amplitudes, phases by place.
 
     Parameters
     ----------
     places_m : ndarray, shape (s,)
-        Places of the sensors along the line.
+        Places of the sensors.
     wavelength_m : float
-        Wavelength lambda.
+        lambda.
 
     Returns
     -------
     ndarray, shape (s,)
-        Complex signals of amplitude 1.
+        Target phasors.
 
     Raises
     ------
@@ -48,21 +48,21 @@ def wave_target(places_m: FloatArray, wavelength_m: float) -> ComplexArray:
 
 
 def free_wavelength_m(frequency_hz: float, bending_n_m2: float, mass_kg_m: float) -> float:
-    """Wavelength of a free flexural wave: lambda = 2 pi c/omega, c = sqrt(omega) (EI/rho A)^(1/4) its phase velocity.
+    """Compute the wavelength 2 pi c/omega of a free flexural wave, c = sqrt(omega) (EI/rho A)^(1/4) its phase velocity.
 
     Parameters
     ----------
     frequency_hz : float
         Frequency of the wave.
     bending_n_m2 : float
-        Bending stiffness EI in N m2.
+        EI, in N m^2.
     mass_kg_m : float
-        Mass per length rho A in kg/m.
+        rho A, in kg/m.
 
     Returns
     -------
     float
-        Wavelength in m.
+        In m.
 
     Raises
     ------
@@ -79,22 +79,22 @@ def free_wavelength_m(frequency_hz: float, bending_n_m2: float, mass_kg_m: float
 
 
 def travelling_wave_ratio(displacement: ComplexArray) -> float:
-    """Travelling-wave ratio TWR = 1 - SWR of |w|.
+    """Compute TWR = 1 - SWR of |w| over points outside the near field.
 
     Parameters
     ----------
     displacement : ndarray, shape (p,)
-        Complex field at points outside the near fields.
+        Complex displacement in any unit.
 
     Returns
     -------
     float
-        From 0 (standing) to 1 (travelling, or moving in step with even amplitude).
+        From 0 (standing) to 1 (travelling), dimensionless.
 
     Raises
     ------
     SolverError
-        If the field is zero everywhere.
+        For a field of zeros.
     """
     size = np.abs(displacement)
     if not size.size or size.max() == 0.0:
@@ -103,56 +103,56 @@ def travelling_wave_ratio(displacement: ComplexArray) -> float:
 
 
 def forward_energy_share(ratio: float) -> float:
-    """Share of the two waves' energy that the forward one carries, 1/(1 + (1 - TWR)^2).
+    """Compute the forward wave's share of the energy of both waves, 1/(1 + (1 - TWR)^2).
 
     Parameters
     ----------
     ratio : float
-        Travelling-wave ratio TWR, 0 to 1.
+        TWR, dimensionless.
 
     Returns
     -------
     float
-        Fraction of the energy, 1/2 to 1.
+        Dimensionless.
     """
     return 1.0 / (1.0 + (1.0 - ratio) ** 2)
 
 
 def net_flux_share(ratio: float) -> float:
-    """Net energy flux over the forward wave's, 1 - (1 - TWR)^2.
+    """Compute the net energy flux relative to the forward wave's, 1 - (1 - TWR)^2.
 
     Parameters
     ----------
     ratio : float
-        Travelling-wave ratio TWR, 0 to 1.
+        TWR, dimensionless.
 
     Returns
     -------
     float
-        Fraction of the flux, 0 to 1.
+        Dimensionless.
     """
     return 1.0 - (1.0 - ratio) ** 2
 
 
 def inner_window(points_m: FloatArray, low_m: float, high_m: float) -> BoolArray:
-    """Select the points with low <= x <= high: the stretch clear of the near fields at the ends.
+    """Find the points on the stretch low <= x <= high, outside the near fields of the ends.
 
     Parameters
     ----------
     points_m : ndarray, shape (p,) or (p, d)
-        Points of the line, x first.
+        Points; x comes first.
     low_m, high_m : float
         Ends of the stretch.
 
     Returns
     -------
     ndarray of bool, shape (p,)
-        Mask of the points.
+        True inside.
 
     Raises
     ------
     SolverError
-        If it selects fewer than two points.
+        If it holds fewer than two points.
     """
     x = np.asarray(points_m).reshape(len(points_m), -1)[:, 0]
     inside = (x >= low_m) & (x <= high_m)
@@ -178,28 +178,28 @@ class TwoWaves:
 
 
 def two_wave_fit(x_m: FloatArray, displacement: ComplexArray, guess: float) -> TwoWaves:
-    """Fit both waves and their wavenumber by least squares.
+    """Fit both waves and their wavenumber by least squares, within a factor of 1.5 of a guess.
 
-    The wavenumber is searched within a factor of 1.5 of a guess. Near fields of ends and patches stay in the residual.
+    The near fields of ends and patches remain in `rest`.
 
     Parameters
     ----------
     x_m : ndarray, shape (p,)
-        Points along the line.
+        Places.
     displacement : ndarray, shape (p,)
-        Complex field there.
+        Complex displacement in any unit.
     guess : float
-        Wavenumber in rad/m.
+        Wavenumber, in rad/m.
 
     Returns
     -------
     TwoWaves
-        Amplitudes in the field's unit, wavenumber and relative residual.
+        Amplitudes of both waves, wavenumber and relative residual.
 
     Raises
     ------
     SolverError
-        If there are fewer than MIN_COUNT points, or the field is zero everywhere.
+        For fewer than 8 points, or a field of zeros.
     """
     if len(x_m) < MIN_COUNT or not np.abs(displacement).any():
         raise SolverError(f"a two-wave fit needs {MIN_COUNT} points of a field that is not zero, {len(x_m)} came")
@@ -219,26 +219,26 @@ def two_wave_fit(x_m: FloatArray, displacement: ComplexArray, guess: float) -> T
 
 
 def best_travelling_drive(field: ComplexArray, x_m: FloatArray, guess: float) -> tuple[ComplexArray, float]:
-    """Search the voltages of the largest TWR, amplitude and phase of every actuator free.
+    """Search for the voltages of the largest TWR, with amplitude and phase of every actuator free.
 
-    It starts from the least-squares waves e^{-ikx} around a guess of k. It then raises the smallest amplitude while the
-    largest stays 1. The problem is not convex: the value found is attained, but a larger one cannot be excluded.
+    The search starts from least-squares fits of waves e^{-ikx} around a guess of k, then raises the smallest amplitude while
+    the largest stays 1. The problem is not convex: the value is attained, but a larger one cannot be excluded.
 
     Parameters
     ----------
     field : ndarray, shape (p, a)
         Displacement per volt.
     x_m : ndarray, shape (p,)
-        Points along the line; the wave runs towards larger x.
+        Places.
     guess : float
-        Wavenumber k in rad/m.
+        Wavenumber k, in rad/m.
 
     Returns
     -------
     voltages : ndarray, shape (a,)
-        Complex voltages, of any common factor.
+        Complex voltages, scaled.
     ratio : float
-        Their TWR over the points, 0 to 1.
+        Their TWR, dimensionless.
     """
     scaled = field / np.abs(field).max()
     starts = []
@@ -286,28 +286,29 @@ def _raised(field: ComplexArray, start: ComplexArray) -> ComplexArray:
 
 
 def hold_modes(table: ModalTable, frequency_hz: float, held: dict[int, complex], others: float = 1.0) -> Drive:
-    """Find the voltages that hold some modal coordinates and keep the rest small, by least squares over all modes.
+    """Find the voltages that give modal coordinates and keep those of all other modes small, by least squares.
 
     Parameters
     ----------
     table : ModalTable
-        The structure.
+        Modes and actuators.
     frequency_hz : float
-        Driving frequency.
+        Frequency of the drive.
     held : dict of int to complex
-        Modal coordinate of each held mode, by its number, in units of m sqrt(kg).
+        Amplitude of each held mode, in sqrt(kg) m.
     others : float, optional
-        Weight of all other modes relative to 1 for the held ones; 0 leaves them free.
+        Weight of the other modes relative to 1; 0 leaves them free.
 
     Returns
     -------
     Drive
-        Voltages (a,) in V, and their relative error.
+        Voltages and relative residual.
 
     Raises
     ------
     SolverError
-        If a mode is not in the table or no actuator reaches it, or `others` is below 0; as `drive_voltages`.
+        For an unknown mode, a mode that no actuator drives, or a negative weight; as `drive_voltages` and
+        `receptance`.
     """
     count = table.frequencies_hz.size
     for mode in held:
@@ -345,30 +346,30 @@ class ModePair:
 
 
 def travelling_pair(table: ModalTable, modes: tuple[int, int], inside: BoolArray, others: float = 1.0) -> ModePair:
-    """Hold two modes 90 degrees apart, with equal rms over a stretch of the zone.
+    """Hold two modes 90 degrees apart with equal rms over points along a line of the zone.
 
-    The frequency is half-way between the two (geometric mean). The pure sum of the two runs towards +x.
+    The frequency is the geometric mean of both; the pure sum of the two runs towards +x.
 
     Parameters
     ----------
     table : ModalTable
-        The structure.
-    modes : (int, int)
+        Modes, actuators and points.
+    modes : tuple of int
         Numbers of the two modes.
     inside : ndarray of bool, shape (p,)
-        Points of the table along a line of the zone.
+        Points along the line.
     others : float, optional
-        Weight of all other modes relative to 1 for the two.
+        Weight of the other modes relative to 1.
 
     Returns
     -------
     ModePair
-        Drive, field and TWR.
+        Drive, field, TWR and wavenumber.
 
     Raises
     ------
     SolverError
-        If both modes are one, one does not move inside, or fewer than 8 points lie inside; as `hold_modes`.
+        For the same mode twice, fewer than 8 points inside, or a mode without motion there; as `hold_modes`.
     """
     first, second = modes
     if first == second:

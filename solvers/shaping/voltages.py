@@ -116,28 +116,26 @@ class Confined:
 
 
 def drive_voltages(matrix: ComplexArray, target: ComplexArray, limit_v: float = np.inf) -> Drive:
-    """Find the voltages for a target W = T V within a limit.
-
-    With more sensors than actuators they are the least-squares solution, with fewer the smallest voltages.
+    """Find the voltages for a target motion: least squares with more sensors than actuators, else the smallest voltages.
 
     Parameters
     ----------
     matrix : ndarray, shape (s, a)
-        Transfer matrix T, signals per volt.
+        T, signals per volt.
     target : ndarray, shape (s,)
-        Complex signals W.
+        W, in the sensors' unit.
     limit_v : float, optional
-        Largest amplitude of each voltage; none by default.
+        Largest voltage.
 
     Returns
     -------
     Drive
-        Voltages (a,) in V, and their relative error.
+        Voltages in V and relative residual.
 
     Raises
     ------
     SolverError
-        If T is singular, the target is zero or of another length, the limit is not above 0 or its search fails.
+        For a singular T, a target of zeros or of another length, or a limit that is not above 0.
     """
     matrix, target = np.asarray(matrix, dtype=complex), np.asarray(target, dtype=complex)
     _check(matrix, target, limit_v)
@@ -150,21 +148,19 @@ def drive_voltages(matrix: ComplexArray, target: ComplexArray, limit_v: float = 
 
 
 def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float) -> LowPass:
-    """Size a maximally flat filter, sqrt(L/C)/R = sqrt(1/2).
-
-    Its corner is the geometric mean of the highest operating and the PWM frequency.
+    """Size a maximally flat low-pass, sqrt(L/C)/R = sqrt(1/2), with its corner at the geometric mean of both frequencies.
 
     Parameters
     ----------
     capacitance_f : float
-        Capacitance of the clamped patch, in units of F.
+        Capacitance of the patch, in F (farads): a number above 0.
     highest_hz, pwm_hz : float
-        Highest operating frequency, and that of the pulse-width modulation.
+        Highest operating frequency and PWM frequency.
 
     Returns
     -------
     LowPass
-        Inductance, resistance and capacitance.
+        L in H, R in ohm and C in F.
 
     Raises
     ------
@@ -173,7 +169,7 @@ def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float) -> LowPas
     """
     if not 0.0 < highest_hz < pwm_hz:
         raise SolverError(
-            f"filter: needs 0 < highest operating frequency < PWM frequency, {highest_hz:g} and {pwm_hz:g} Hz came"
+            f"filter: requires 0 < highest operating frequency < PWM frequency, got {highest_hz:g} and {pwm_hz:g} Hz"
         )
     check_above_zero("filter: capacitance", capacitance_f)
     corner = 2.0 * pi * sqrt(highest_hz * pwm_hz)
@@ -182,23 +178,23 @@ def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float) -> LowPas
 
 
 def monte_carlo(matrix: ComplexArray, target: ComplexArray, errors: Errors) -> tuple[ComplexArray, FloatArray]:
-    """Draw voltages of seeded trials in which T is misjudged, and their errors.
+    """Compute the voltages of seeded trials in which T is known with errors, and what they miss of the target.
 
     Parameters
     ----------
     matrix : ndarray, shape (s, a)
-        True transfer matrix T.
+        True T, signals per volt.
     target : ndarray, shape (s,)
-        Complex signals W.
+        W, in the sensors' unit.
     errors : Errors
-        Standard deviations, number of trials and seed.
+        Number of trials, seed and sizes of the errors.
 
     Returns
     -------
     voltages : ndarray, shape (n, a)
-        Voltages of each trial, in V.
+        In V, one row per trial.
     missed : ndarray, shape (n,)
-        Relative errors |T V - W|/|W| with the true T.
+        |T V - W|/|W|.
 
     Raises
     ------
@@ -213,46 +209,59 @@ def monte_carlo(matrix: ComplexArray, target: ComplexArray, errors: Errors) -> t
 
 
 def quantiles(values: FloatArray) -> dict[str, Any]:
-    """The 5, 50 and 95 % quantiles of trials.
+    """Compute the 5, 50 and 95 % quantiles of trials.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
-        One value per trial.
+        Results of the trials.
 
     Returns
     -------
-    dict of str to float
-        Under q05, median and q95, in the values' unit.
+    dict
+        "q05", "median" and "q95".
     """
     low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
     return {"q05": float(low), "median": float(middle), "q95": float(high)}
 
 
-def _unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
-    """Normally distributed phasors of rms 1."""
+def unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
+    """Draw normally distributed phasors of rms 1.
+
+    Parameters
+    ----------
+    random : Generator
+        Source of random numbers.
+    shape : tuple of int
+        Shape of the result.
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Complex phasors.
+    """
     return np.asarray((random.standard_normal(shape) + 1j * random.standard_normal(shape)) / np.sqrt(2.0))
 
 
 def region_sensors(region: str, count: int) -> NDArray[np.intp]:
-    """Numbers of the sensors in a third of them along the line.
+    """List the sensors in one third of the line.
 
     Parameters
     ----------
     region : str
         One of REGIONS.
     count : int
-        Sensors in all.
+        Number of sensors.
 
     Returns
     -------
-    ndarray of int, shape (n,)
-        From 0, along the line.
+    ndarray of int, shape (about count / 3,)
+        Numbers of the sensors.
 
     Raises
     ------
     SolverError
-        If the region is unknown, or there are fewer than 3 sensors.
+        For an unknown region, or fewer than 3 sensors.
     """
     if region not in REGIONS:
         raise SolverError(f"region {region!r}: must be one of {', '.join(REGIONS)}")
@@ -262,21 +271,21 @@ def region_sensors(region: str, count: int) -> NDArray[np.intp]:
 
 
 def region_points(region: str, places_m: FloatArray, points_m: FloatArray) -> BoolArray:
-    """Select the points that are not farther from a sensor of the region than from any other.
+    """Find the points nearest to a sensor of a region.
 
     Parameters
     ----------
     region : str
         One of REGIONS.
     places_m : ndarray, shape (s,)
-        Places of the sensors along the line.
+        Places of the sensors.
     points_m : ndarray, shape (p,) or (p, d)
-        Points of the line, x first.
+        Points; x comes first.
 
     Returns
     -------
     ndarray of bool, shape (p,)
-        Mask of the points.
+        True where no sensor outside the region is nearer.
 
     Raises
     ------
@@ -290,21 +299,21 @@ def region_points(region: str, places_m: FloatArray, points_m: FloatArray) -> Bo
 
 
 def region_target(region: str, count: int, alternate: bool = False) -> ComplexArray:
-    """Target signals that confine the motion to a region.
+    """Set signals 1 inside a region and 0 outside.
 
     Parameters
     ----------
     region : str
         One of REGIONS.
     count : int
-        Sensors in all.
+        Number of sensors.
     alternate : bool, optional
-        Whether the signs alternate inside: +1, -1, ...; else all are 1.
+        Alternate the sign inside, +1, -1 and so on.
 
     Returns
     -------
     ndarray, shape (s,)
-        Complex signals, 0 outside.
+        Complex signals.
 
     Raises
     ------
@@ -317,24 +326,24 @@ def region_target(region: str, count: int, alternate: bool = False) -> ComplexAr
 
 
 def contrast(displacement: ComplexArray, inside: BoolArray) -> Contrast:
-    """Ratios of a field's amplitudes, inside over outside.
+    """Compute the ratios of a field inside to outside, over points that stand for equal lengths.
 
     Parameters
     ----------
     displacement : ndarray, shape (p,)
-        Complex field at points that stand for equal lengths.
+        Complex displacement in any unit.
     inside : ndarray of bool, shape (p,)
-        Points inside.
+        Points of the region.
 
     Returns
     -------
     Contrast
-        Ratios of the largest and of the rms amplitudes; inf where nothing moves outside.
+        Ratios of the largest values and of the rms.
 
     Raises
     ------
     SolverError
-        If a side has no point, or the field is zero everywhere.
+        If a side has no point, or the field is zero.
     """
     _check_sides(inside)
     size = np.abs(displacement)
@@ -347,24 +356,24 @@ def contrast(displacement: ComplexArray, inside: BoolArray) -> Contrast:
 
 
 def best_contrast(field: ComplexArray, inside: BoolArray) -> ComplexArray:
-    """Find the voltages of the largest contrast: the largest eigenvector of the two sides' Gram matrices.
+    """Find the voltages of the largest contrast.
 
     Parameters
     ----------
     field : ndarray, shape (p, a)
         Displacement per volt.
     inside : ndarray of bool, shape (p,)
-        Points inside.
+        Points of the region.
 
     Returns
     -------
     ndarray, shape (a,)
-        Complex voltages in V, the largest of amplitude 1 V.
+        In V, the largest of size 1.
 
     Raises
     ------
     SolverError
-        If a side has no point, or some voltages move nothing outside (fewer points there than actuators).
+        If a side has no point, or some voltages move nothing outside (fewer points than actuators).
     """
     _check_sides(inside)
     gram_in, gram_out = (field[side].conj().T @ field[side] / len(field[side]) for side in (inside, ~inside))
@@ -378,33 +387,28 @@ def best_contrast(field: ComplexArray, inside: BoolArray) -> ComplexArray:
 def attach_oscillators(
     table: ModalTable, points: NDArray[np.intp], mass_kg: float, frequency_hz: float, quality_factor: float
 ) -> ModalTable:
-    """Attach equal mass-spring oscillators to some points of a structure, and solve the modes of both.
+    """Join equal mass-spring oscillators to a structure at some of its points; the residuals stay.
 
-    The residuals stay as they were. The loss of a joined mode is the sum of its shares of strain energy, each over the
-    quality factor of its part.
+    The loss of a joined mode is its strain energy in each part divided by the part's quality factor.
 
     Parameters
     ----------
     table : ModalTable
-        The structure.
+        Modes of the structure.
     points : ndarray of int, shape (n,)
-        Numbers of the points that carry an oscillator.
-    mass_kg : float
-        Mass of each oscillator.
-    frequency_hz : float
-        Its natural frequency on a fixed base.
-    quality_factor : float
-        Its quality factor, a ratio.
+        Numbers of the points.
+    mass_kg, frequency_hz, quality_factor : float
+        Of each oscillator; the quality factor is dimensionless.
 
     Returns
     -------
     ModalTable
-        With m + n modes.
+        Modes of both.
 
     Raises
     ------
     SolverError
-        If there is no point, one is not in the table, or a mass, frequency or quality factor is not above 0.
+        For no point or an unknown one, or a value that is not above 0.
     """
     chosen = np.asarray(points, dtype=int)
     if not chosen.size or chosen.min() < 0 or chosen.max() >= len(table.points_m):
@@ -434,28 +438,28 @@ def attach_oscillators(
 
 
 def confinement(table: ModalTable, frequency_hz: float, inside: BoolArray, driver: int) -> Confined:
-    """Compare the confinement by one actuator with that by all at their best voltages.
+    """Compute the confinement to a region by one actuator and by all.
 
     Parameters
     ----------
     table : ModalTable
-        The structure.
+        Modes, actuators and points.
     frequency_hz : float
-        Driving frequency.
+        Frequency of the drive.
     inside : ndarray of bool, shape (p,)
-        Points inside.
+        Points of the region.
     driver : int
-        Number of the actuator that drives alone.
+        Number of the single actuator.
 
     Returns
     -------
     Confined
-        Both contrasts in dB, and the voltages (a,) in V.
+        Levels of both in dB, and the voltages of all.
 
     Raises
     ------
     SolverError
-        If the driver is not in the table; as `best_contrast` and `field_matrix`.
+        For an unknown driver; as `best_contrast` and `receptance`.
     """
     if not 0 <= driver < table.actuator_count:
         raise SolverError(f"driver {driver}: must be from 0 to {table.actuator_count - 1}")

@@ -89,6 +89,8 @@ class ResidualModes:
 
     def bounds(self, eigenvalue: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Between which eigenvalues waves of l (k,) and flexibilities d (k,) come to lie, (k,) each."""
+        # roots of m + h d = l with the upper bound h = m^2 L / (L - m), then with the lower one h = m^2: the form of the
+        # quadratic formula without cancellation
         edge, lost = self.edge, np.maximum(own, 0.0)
         root = np.sqrt((edge - eigenvalue) ** 2 + 4.0 * edge**2 * lost * eigenvalue)
         lower = 2.0 * eigenvalue * edge / (edge + eigenvalue + root)
@@ -265,14 +267,28 @@ class Cell:
 
 
 def restricted(cell: Cell, face: Interface, top_hz: float = inf) -> Cell:
-    """The same cell with the boundary functions of a lower interface and fixed-interface modes up to top_hz alone; other
-    functions stay known as `further`.
+    """Restrict a cell to the boundary functions of a lower interface and to fixed-interface modes up to a frequency.
 
-    Constraint shapes are made one by one, so a part of the matrices is what such a reduction would give.
+    Constraint modes are computed one by one, so a part of the matrices is what such a reduction would give.
+
+    Parameters
+    ----------
+    cell : Cell
+        Reduced with at least the functions and modes that remain.
+    face : Interface
+        Degrees of the boundary functions that remain.
+    top_hz : float, optional
+        Highest fixed-interface frequency that remains, Hz; by default all remain.
+
+    Returns
+    -------
+    Cell
+        The restricted cell, whose `further` keeps K_r and M_r of all functions and modes.
     """
     count, own, within = cell.interface.count, cell.interface.within(face), cell.fixed_hz <= top_hz
     left, keep = count + np.flatnonzero(~within), np.concatenate([own, count + np.flatnonzero(within)])
     pushed, square = cell.mass[:count, left], np.ix_(keep, keep)
+    # a mode phi of eigenvalue l adds (phi' M Psi)' (phi' M Psi) / l to the residual flexibility once it is discarded
     dropped = cell.dropped + (pushed / np.diag(cell.stiffness)[left]) @ pushed.T
     matrices = {name: getattr(cell, name)[square] for name in ("stiffness", "mass", "pillar_mass")}
     fields = {name: each and each.kept(keep) for name in ("touch", "skin", "bare") if (each := getattr(cell, name))}
@@ -291,14 +307,38 @@ def restricted(cell: Cell, face: Interface, top_hz: float = inf) -> Cell:
 
 
 def with_further(cell: Cell) -> Cell:
-    """The cell with its further boundary functions among the others; of its fields at points nothing is known there."""
+    """Return the cell with its further boundary functions among the others; its fields at points do not include them.
+
+    Parameters
+    ----------
+    cell : Cell
+        Restricted in the degree through the thickness alone: `further` has its modes and degree along the sides.
+
+    Returns
+    -------
+    Cell
+        Cell with the larger K_r and M_r and the interface of their degree, without an error estimate of its mesh.
+    """
     assert cell.further
     face, further = replace(cell.interface, through=cell.further.through), cell.further
     return replace(cell, interface=face, stiffness=further.stiffness, mass=further.mass, mesh_error=None, further=None)
 
 
 def places_of(bases: Sequence[FloatArray], modes: Sequence[int]) -> list[FloatArray]:
-    """From each class's degrees of freedom to the cell's, (dof, m): of a basis (boundary, b) and so many modes."""
+    """Map each symmetry class's degrees of freedom to the cell's.
+
+    Parameters
+    ----------
+    bases : sequence of ndarray, shape (boundary, b)
+        Boundary basis of each class in the cell's boundary degrees of freedom.
+    modes : sequence of int
+        Number of fixed-interface modes of each class.
+
+    Returns
+    -------
+    list of ndarray, shape (dof, b + modes)
+        One matrix per class; the cell's degrees of freedom are its boundary's, then the modes of each class in turn.
+    """
     start, places, count = len(bases[0]), [], len(bases[0]) + sum(modes)
     for basis, own in zip(bases, modes, strict=True):
         place = np.zeros((count, basis.shape[1] + own))
@@ -312,7 +352,26 @@ def places_of(bases: Sequence[FloatArray], modes: Sequence[int]) -> list[FloatAr
 def mirrored(
     points: FloatArray, fields: Sequence[FloatArray], signs: Sequence[Mapping[int, int]], axes: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:
-    """Points (p, 3) and a cell's matrix (p, 3 or 1, dof) there on every mirror image, from each class's field and signs."""
+    """Expand the fields of a cell's symmetry classes at points of the meshed part to every mirror image.
+
+    Parameters
+    ----------
+    points : ndarray, shape (p, 3)
+        Points of the meshed part; the mirror planes pass through the origin.
+    fields : sequence of ndarray, shape (p, 3 or 1, dof)
+        Displacement, or u_z alone, at the points from the cell's degrees of freedom: the part of each class.
+    signs : sequence of mapping
+        Parity of u_z (1 or -1) of each class under the mirror of each axis.
+    axes : sequence of int
+        Normals of the mirror planes: 0 for x, 1 for y.
+
+    Returns
+    -------
+    points : ndarray, shape (copies p, 3)
+        Points of the meshed part, then those of its images.
+    matrix : ndarray, shape (copies p, 3 or 1, dof)
+        Field of all classes together at these points.
+    """
     copies, flips = 2 ** len(axes), np.ones((2 ** len(axes), 3))
     flips[:, list(axes)] = list(product((1, -1), repeat=len(axes)))
     matrix = np.zeros((copies, *fields[0].shape))
@@ -325,7 +384,20 @@ def mirrored(
 
 
 def check_rigid(cell: Cell, whole: float) -> None:
-    """SolverError unless rigid-body modes carry no stiffness and translations carry the whole mass."""
+    """Check that rigid-body modes carry no stiffness and that translations carry the whole mass.
+
+    Parameters
+    ----------
+    cell : Cell
+        The reduced cell.
+    whole : float
+        Mass of the full mesh, scaled.
+
+    Raises
+    ------
+    SolverError
+        If a rigid-body mode meets a force, or the reduced mass differs.
+    """
     motions = rigid_boundary(cell)
     force = np.abs(cell.stiffness @ motions).max() / np.abs(cell.stiffness).max()
     if force > RIGID:
@@ -336,14 +408,38 @@ def check_rigid(cell: Cell, whole: float) -> None:
 
 
 def rigid_boundary(cell: Cell) -> FloatArray:
-    """The six rigid-body modes in the cell's degrees of freedom, shape (dof, 6); exact, because they are linear in x, y, z."""
+    """Return the six rigid-body modes in the cell's degrees of freedom; exact, because they are linear in x, y, z.
+
+    Parameters
+    ----------
+    cell : Cell
+        The reduced cell.
+
+    Returns
+    -------
+    ndarray, shape (dof, 6)
+        Unit translations along x, y, z, then rotations about these axes; zero in the fixed-interface modes.
+    """
     out = np.zeros((cell.dof, 6))
     out[: cell.interface.count] = rigid_polynomials(cell.interface, cell.size_m)
     return out
 
 
 def rigid_polynomials(face: Interface, size_m: tuple[float, float, float]) -> FloatArray:
-    """The rigid-body modes of a cell of these edges among the boundary functions, (count, 6)."""
+    """Return the rigid-body modes of a cell among its boundary functions.
+
+    Parameters
+    ----------
+    face : Interface
+        Degrees of the boundary functions.
+    size_m : tuple of float
+        Edges along x and y and the thickness; their ratios alone matter.
+
+    Returns
+    -------
+    ndarray, shape (count, 6)
+        Unit translations along x, y, z, then rotations about the middle that move the longest edge's ends by 1.
+    """
     corners = np.array([[*corner, z] for corner in VERTICES for z in (-1, 1)], dtype=float)
     motions = rigid_body_modes(corners * np.array(size_m) / 2.0).reshape(4, 2, 3, 6)
     out = np.zeros((face.count, 6))

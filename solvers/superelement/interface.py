@@ -197,7 +197,24 @@ class Ties:
 
 
 def bubble_functions(s: FloatArray, degree: int) -> FloatArray:
-    """Integrated Legendre polynomials of degree 2 to `degree` on [-1, 1], zero at both ends, shape (n, degree - 1)."""
+    """Evaluate integrated Legendre polynomials of degree 2 to `degree`, zero at both ends of [-1, 1].
+
+    Parameters
+    ----------
+    s : ndarray, shape (n,)
+        Coordinates on [-1, 1].
+    degree : int
+        Highest degree; below 2 there are none.
+
+    Returns
+    -------
+    ndarray, shape (n, degree - 1)
+        Values (P_k - P_(k-2)) / sqrt(2 (2k - 1)), degree k of a column ascending from 2.
+
+    References
+    ----------
+    .. [1] szabo1991 (docs/references.bib)
+    """
     values = legendre.legvander(s, degree)
     return np.column_stack(
         [(values[:, k] - values[:, k - 2]) / np.sqrt(2.0 * (2 * k - 1)) for k in range(2, degree + 1)]

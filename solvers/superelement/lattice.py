@@ -158,6 +158,7 @@ class ReducedLattice:
         stiff, heavy, lost = times(cell.stiffness, u), times(cell.mass, u), times(cell.dropped, u[:count])
         middle = (waves.eigenvalue[:, None] + waves.eigenvalue) / 2.0  # equal within a degenerate group
         own = np.einsum("in,in->n", u[:count].conj(), lost).real
+        # K - m M - h(m) D depends on m through h, too: its derivative by m along u is -(1 + h'(m) u^H D u) instead of -1
         weight = 1.0 / np.sqrt(1.0 + cell.residual.slope(waves.eigenvalue) * own)
         out = []
         for axis in (0, 1):
@@ -293,12 +294,38 @@ class BlochPlate:
 
 
 def degenerate(eigenvalue: FloatArray, rounding: float) -> list[slice]:
-    """Groups of ascending eigenvalues (n,) that count as one, those of one wave included."""
+    """Group ascending eigenvalues that count as one.
+
+    Parameters
+    ----------
+    eigenvalue : ndarray, shape (n,)
+        Scaled eigenvalues, ascending.
+    rounding : float
+        Scaled distance below which neighbours count as one, whatever their size.
+
+    Returns
+    -------
+    list of slice
+        Consecutive groups that cover all eigenvalues; a simple one is a group of its own.
+    """
     apart = np.diff(eigenvalue) > np.maximum(EQUAL * np.abs(eigenvalue[1:]), rounding)
     bounds = [0, *(np.flatnonzero(apart) + 1), len(eigenvalue)]
     return [slice(int(low), int(high)) for low, high in pairwise(bounds)]
 
 
 def times(matrix: FloatArray, vectors: ComplexArray) -> ComplexArray:
-    """Real matrices (..., m, n) times complex vectors (n, k), without a complex copy of the matrices."""
+    """Multiply real matrices by complex vectors without a complex copy of the matrices.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (..., m, n)
+        Real matrices.
+    vectors : ndarray, shape (n, k)
+        Complex vectors.
+
+    Returns
+    -------
+    ndarray, shape (..., m, k)
+        Complex products.
+    """
     return np.asarray((matrix @ np.ascontiguousarray(vectors).view(float)).view(complex))

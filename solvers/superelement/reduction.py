@@ -403,5 +403,18 @@ def _left_out(pencil: PlainPencil, kept: FloatArray, pushed: FloatArray, factor:
 
 
 def weighted(shapes: FloatArray, mass: sp.csr_array) -> FloatArray:
-    """V' (m (x) I3) V."""
+    """Project a scalar mass on nodal shapes: V' (m (x) I3) V.
+
+    Parameters
+    ----------
+    shapes : ndarray, shape (3n, m)
+        Nodal shapes, component fastest.
+    mass : csr_array, shape (n, n)
+        Scalar mass, which acts on each component alike, scaled.
+
+    Returns
+    -------
+    ndarray, shape (m, m)
+        Projected mass, scaled.
+    """
     return np.asarray(shapes.T @ on_components(mass, shapes))

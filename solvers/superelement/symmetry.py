@@ -23,9 +23,19 @@ SAME = 1e-9  # of the largest coordinate; of a force
 
 
 def diagonal_mirror(system: System) -> IntArray | None:
-    """Image of every node under (x, y, z) -> (y, x, z), shape (n,), or None where the mirror changes the body.
+    """Find the image of every node under the mirror (x, y, z) -> (y, x, z), if the body is its own image.
 
     The nodes must fall on nodes, and K and M must act on the image of a generic field as on the field itself.
+
+    Parameters
+    ----------
+    system : System
+        Assembled matrices and mesh of the body.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        Number of each node's image; None where the mirror changes the body.
     """
     image = diagonal_image(system.mesh)
     if image is None:
@@ -41,7 +51,18 @@ def diagonal_mirror(system: System) -> IntArray | None:
 
 
 def diagonal_image(mesh: AnyMesh) -> IntArray | None:
-    """Image of every node under (x, y, z) -> (y, x, z), shape (n,), or None where nodes do not fall on nodes."""
+    """Find the image of every node of a mesh under the mirror (x, y, z) -> (y, x, z).
+
+    Parameters
+    ----------
+    mesh : AnyMesh
+        Materials and connectivity are not compared.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        Number of each node's image; None where nodes do not fall on nodes.
+    """
     nodes, turned = mesh.nodes, mesh.nodes[:, [1, 0, 2]]
     allowed = SAME * np.abs(nodes).max()
     image = _in_order(nodes, turned, allowed)
@@ -75,7 +96,22 @@ def _pairs(image: IntArray, inside: BoolArray, sign: int) -> tuple[IntArray, Int
 
 
 def diagonal_folding(image: IntArray, inside: BoolArray, sign: int) -> sp.csr_array:
-    """F (3n, m) with F'F = 1: fields u = F v that the mirror leaves alone (sign 1) or turns over (-1)."""
+    """Return F with F'F = 1 such that u = F v are the fields of one parity under the mirror x <-> y.
+
+    Parameters
+    ----------
+    image : ndarray, shape (n,)
+        Number of each node's image, as of `diagonal_image`.
+    inside : ndarray, shape (n, 3)
+        Mask of the free degrees of freedom; the mirror must map it onto itself.
+    sign : int
+        1 for fields that the mirror leaves alone, -1 for those whose sign it changes.
+
+    Returns
+    -------
+    csr_array, shape (3n, m)
+        One column per pair of images: both with weights sqrt(1/2), or 1 for a degree of freedom that is its own image.
+    """
     first, partner = _pairs(image, inside, sign)
     alone = first == partner
     pair, columns = np.flatnonzero(~alone), np.arange(len(partner))
@@ -153,9 +189,25 @@ class C2Symmetry:
 
 
 def c2_symmetry(cell: Cell, column: IntArray, offset: FloatArray) -> C2Symmetry | None:
-    """The turn of a lattice's free degrees of freedom, of which `column` (cell dof,) follow, `offset` (cell dof, 2) pitches on.
+    """Find the half turn of a lattice's free degrees of freedom.
 
-    None where a fixed-interface mode's parity is not known.
+    Parameters
+    ----------
+    cell : Cell
+        The reduced cell of the lattice.
+    column : ndarray, shape (cell dof,)
+        Free degree of freedom that each of the cell's follows.
+    offset : ndarray, shape (cell dof, 2)
+        Number of pitches along x and y from that one to the cell's.
+
+    Returns
+    -------
+    C2Symmetry or None
+        None where the parity of a fixed-interface mode is unknown; that it makes K and M real must be checked.
+
+    References
+    ----------
+    .. [1] wigner1932 (docs/references.bib)
     """
     parity = cell.fixed_parity.prod(axis=1)
     if not parity.all():

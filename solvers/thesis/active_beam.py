@@ -293,23 +293,70 @@ class ActiveBeamStudy:
 def strip(
     length_m: float, width_m: float, thickness_m: float, material: Material, viscosity_s: float = 0.0
 ) -> FreeBeam:
-    """A flat strip: EI = E b h^3/12, rho A = rho b h."""
+    """Return the beam of a flat strip: EI = E b h^3/12, rho A = rho b h.
+
+    Parameters
+    ----------
+    length_m, width_m, thickness_m : float
+        Length L, width b and thickness h.
+    material : Material
+        Modulus along the strip and density.
+    viscosity_s : float, optional
+        theta of the modulus E (1 + s theta).
+
+    Returns
+    -------
+    FreeBeam
+        The strip, free at both ends.
+    """
     bending = material.rod(0).young_pa * width_m * thickness_m**3 / 12.0
     return FreeBeam(length_m, bending, material.density_kg_m3 * width_m * thickness_m, viscosity_s)
 
 
 def antinodes_m(beam: FreeBeam, source_m: float, omega: float, steps: int = 4000) -> FloatArray:
-    """Local maxima of |w| inside the beam under a force at `source`, m, to a step of L/steps."""
+    """Find the local maxima of |w| along the beam under a force.
+
+    Parameters
+    ----------
+    beam : FreeBeam
+        The beam, without loops.
+    source_m : float
+        Place of the force.
+    omega : float
+        Angular frequency in rad/s.
+    steps : int, optional
+        Intervals along the beam, which bound the error of an antinode.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Places in m, ascending, without the ends.
+    """
     x = np.linspace(0.0, beam.length_m, steps + 1)
     size = np.abs(beam.receptance(x, source_m, 1j * float(checked_frequencies(omega)))[:, 0])
     return np.asarray(x[argrelmax(size)])
 
 
 def loop_layouts(left_m: float, apart_m: float, length_m: float) -> tuple[Layout, ...]:
-    """Loops about `left` and, mirrored, on the other side; all but the first have two points `apart` from each other.
+    """Return the study's layouts: loops about a place and, mirrored, on the other side.
 
-    point: one point on each side with its own velocity. pair: two, each with its own. couple: two pulled by opposed forces
-    of their relative velocity, a couple. opposed: two, each with its own, the inner ones with the sign turned over: not dual.
+    point: one point on each side with its own velocity. pair: two, each with its own. couple: two pulled by opposed
+    forces of their relative velocity, a couple. opposed: two, each with its own, the inner ones with the sign turned
+    over: not dual.
+
+    Parameters
+    ----------
+    left_m : float
+        Middle of the loops on the left.
+    apart_m : float
+        Distance between the two points of a side, in all layouts but the first.
+    length_m : float
+        Length of the beam.
+
+    Returns
+    -------
+    tuple of Layout
+        point, pair, couple, opposed.
     """
     two, half = np.array([left_m, length_m - left_m]), apart_m / 2.0 * np.array([-1.0, 1.0])
     four, relative = (two[:, None] + half).ravel(), np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.0]])
@@ -324,10 +371,32 @@ def loop_layouts(left_m: float, apart_m: float, length_m: float) -> tuple[Layout
 def forced(
     beam: FreeBeam, layout: Layout, gain_n_m: complex, omega: float, x_m: FloatArray, source_m: float
 ) -> ForcedBeam:
-    """Beam under 1 N at `source` with the loops closed: f = -(I + H C G B)^-1 H C g, H = j K'.
+    """Compute the beam under 1 N with the loops closed: f = -(I + H C G B)^-1 H C g, H = j K'.
 
-    gain_n_m is K' (0: open loop), complex where the loops answer late: K' e^{-j omega delay}.
-    SolverError for a gain that is not finite, a frequency not above 0 or of a lossless resonance, a singular loop.
+    Parameters
+    ----------
+    beam : FreeBeam
+        The beam.
+    layout : Layout
+        Points of the loops, B (spread) and C (pick).
+    gain_n_m : complex
+        K' in N/m, 0 for open loops; complex where the loops answer late: K' e^{-j omega delay}.
+    omega : float
+        Angular frequency in rad/s.
+    x_m : ndarray, shape (n,)
+        Places of the deflection.
+    source_m : float
+        Place of the excitation.
+
+    Returns
+    -------
+    ForcedBeam
+        Deflection (n,) in m/N and forces of the loops (p,) in N/N.
+
+    Raises
+    ------
+    SolverError
+        If the gain is not finite, the frequency not above 0 or of a lossless resonance, or the loop singular.
     """
     if not np.isfinite(gain_n_m):
         raise SolverError(f"gain K' = {gain_n_m:g} N/m: must be finite")
@@ -338,7 +407,27 @@ def forced(
 
 
 def confinement(x_m: FloatArray, deflection: ComplexArray, region_m: tuple[float, float]) -> Confinement:
-    """Amplitudes within `region` and beyond it; x evenly spaced. SolverError when a side holds no point."""
+    """Compare the amplitudes within a region with those beyond it.
+
+    Parameters
+    ----------
+    x_m : ndarray, shape (n,)
+        Places, evenly spaced.
+    deflection : ndarray, shape (n,)
+        Complex amplitudes there.
+    region_m : tuple of float
+        Ends of the region, in m.
+
+    Returns
+    -------
+    Confinement
+        Largest and rms amplitudes of both parts, in the unit of the deflection.
+
+    Raises
+    ------
+    SolverError
+        If one of the parts holds no point.
+    """
     inside = (x_m > region_m[0]) & (x_m < region_m[1])
     size = np.abs(deflection)
     if not inside.any() or inside.all():
@@ -348,9 +437,25 @@ def confinement(x_m: FloatArray, deflection: ComplexArray, region_m: tuple[float
 
 
 def closed_loop_poles(beam: FreeBeam, layout: Layout, damper_n_s_m: float, modes: int = MODES) -> ComplexArray:
-    """Poles of the first `modes` modes under f = -c C w', 1/s, shape (2 modes,), without delay.
+    """Compute the poles of the first modes under f = -c C w', without delay.
 
-    q'' + (theta Omega^2 + c P' B C P/m) q' + Omega^2 q = 0 with P the shapes at the points, B spread, C pick, m = rho A L.
+    q'' + (theta Omega^2 + c P' B C P/m) q' + Omega^2 q = 0 with P the shapes at the points and m = rho A L.
+
+    Parameters
+    ----------
+    beam : FreeBeam
+        The beam.
+    layout : Layout
+        Points of the loops, B and C.
+    damper_n_s_m : float
+        Damper c in N s/m.
+    modes : int, optional
+        Number of modes, the two rigid ones included.
+
+    Returns
+    -------
+    ndarray, shape (2 modes,)
+        Complex poles in 1/s, unordered.
     """
     shapes, square = beam.shapes(layout.points_m, modes), beam.natural_rad_s(modes) ** 2
     feedback = shapes.T @ layout.spread @ layout.pick @ shapes
@@ -361,15 +466,46 @@ def closed_loop_poles(beam: FreeBeam, layout: Layout, damper_n_s_m: float, modes
 
 
 def growth_per_s(beam: FreeBeam, layout: Layout, damper_n_s_m: float) -> float:
-    """Largest real part of the poles other than rigid drift, 1/s; above 0 is unstable."""
+    """Return the largest real part of the poles other than rigid drift.
+
+    Parameters
+    ----------
+    beam : FreeBeam
+        The beam.
+    layout : Layout
+        Points of the loops.
+    damper_n_s_m : float
+        Damper c in N s/m.
+
+    Returns
+    -------
+    float
+        Growth in 1/s; above 0 is unstable.
+    """
     poles = closed_loop_poles(beam, layout, damper_n_s_m)
     return float(poles[np.abs(poles) > 1e-3 * beam.natural_rad_s(3)[2]].real.max())
 
 
 def characteristic_loci(beam: FreeBeam, layout: Layout, high_hz: float) -> Loci:
-    """Eigenvalues of j omega C G(j omega) B on a grid that resolves every resonance from 1 Hz to high_hz."""
+    """Compute the eigenvalues of j omega C G(j omega) B on a grid that resolves every resonance from 1 Hz upwards.
+
+    Parameters
+    ----------
+    beam : FreeBeam
+        The beam, with losses: the grid contains its natural frequencies.
+    layout : Layout
+        Points of the loops, B and C.
+    high_hz : float
+        Upper end of the frequencies.
+
+    Returns
+    -------
+    Loci
+        Eigenvalues in m/(N s), each column continuous in frequency.
+    """
     omega = _grid(beam, 2.0 * pi, 2.0 * pi * high_hz)
     values = np.asarray(np.linalg.eigvals(_return_ratio(beam, layout, omega)), dtype=complex)
+    # each frequency's eigenvalues in the order that moves them least from those before
     orders = [list(order) for order in permutations(range(values.shape[1]))]
     for i in range(1, len(values)):
         candidates = values[i][np.array(orders)]
@@ -377,10 +513,8 @@ def characteristic_loci(beam: FreeBeam, layout: Layout, high_hz: float) -> Loci:
     return Loci(omega, values)
 
 
-def highest_hz(beam: FreeBeam, layout: Layout, damper_n_s_m: float) -> float:
-    """A frequency, Hz, above which no loop of this damper has a gain of 1: |lambda| falls as omega^-1/2, and faster with
-    losses.
-    """
+def _highest_hz(beam: FreeBeam, layout: Layout, damper_n_s_m: float) -> float:
+    """A frequency, Hz, above which no loop of this damper has a gain of 1: |lambda| falls at least as omega^-1/2."""
     high = 1e5
     while high < HIGHEST_HZ:
         ratio = _return_ratio(beam, layout, np.array([2.0 * pi * high]))
@@ -391,9 +525,24 @@ def highest_hz(beam: FreeBeam, layout: Layout, damper_n_s_m: float) -> float:
 
 
 def delay_margin_s(loci: Loci, damper_n_s_m: float) -> float:
-    """Largest pure delay that the loop bears, s; inf without a crossing.
+    """Compute the largest pure delay that the loop bears: the least phase above -pi over omega where |c lambda| = 1.
 
-    The least phase above -pi over omega where |c lambda| = 1. A loop that still exceeds 1 at the grid's end is rejected.
+    Parameters
+    ----------
+    loci : Loci
+        Characteristic loci per unit damper.
+    damper_n_s_m : float
+        Damper c in N s/m, at which the loop is stable without delay.
+
+    Returns
+    -------
+    float
+        Delay in s; inf without a crossing.
+
+    Raises
+    ------
+    SolverError
+        If the loop gain exceeds 1 at the upper end of the frequencies.
     """
     size = damper_n_s_m * np.abs(loci.values)
     if np.any(size[-1] > 1.0):
@@ -403,9 +552,23 @@ def delay_margin_s(loci: Loci, damper_n_s_m: float) -> float:
 
 
 def gain_limit_n_s_m(loci: Loci, filtered: Filter) -> tuple[float, float]:
-    """Largest damper c that a law c H(omega) bears, N s/m, and the frequency of the instability, Hz; (inf, nan) without.
+    """Compute the largest damper c that a law c H(omega) bears.
 
-    The least 1/|lambda H| where lambda H crosses the negative real axis: sure for a plant that is stable by itself.
+    The least 1/|lambda H| where lambda H crosses the negative real axis: valid for a plant that is stable by itself.
+
+    Parameters
+    ----------
+    loci : Loci
+        Characteristic loci per unit damper.
+    filtered : callable
+        H (n,) of angular frequencies (n,) in rad/s.
+
+    Returns
+    -------
+    damper_n_s_m : float
+        Largest stable c in N s/m; inf without a crossing.
+    frequency_hz : float
+        Frequency of the instability; NaN without one.
     """
     values = loci.values * filtered(loci.omega_rad_s)[:, None]
     found, omega = _crossings(loci, values.imag, values)
@@ -414,15 +577,41 @@ def gain_limit_n_s_m(loci: Loci, filtered: Filter) -> tuple[float, float]:
 
 
 def delayed(delay_s: float) -> Filter:
-    """e^{-j omega delay}: a velocity loop that answers late."""
+    """Return the filter of a velocity loop that answers late, e^{-j omega delay}.
+
+    Parameters
+    ----------
+    delay_s : float
+        The delay.
+
+    Returns
+    -------
+    callable
+        H (n,) of angular frequencies (n,) in rad/s.
+    """
     return lambda omega: np.exp(-1j * omega * delay_s)
 
 
 def demodulated(carrier_rad_s: float, window_s: float, delay_s: float = 0.0) -> Filter:
-    """A loop on demodulated amplitudes: their mean over a window, then a delay, the carrier's own phase made good.
+    """Return the filter of a loop on demodulated amplitudes: their mean over a window, then a delay.
 
-    H = (h(omega - carrier) - h(omega + carrier)) carrier/omega, h(d) = sinc(d window/2) e^{-j d (window/2 + delay)}: the
-    second part is the image at minus the carrier; carrier/omega because displacement stands for velocity.
+    H = (h(omega - carrier) - h(omega + carrier)) carrier/omega, h(d) = sinc(d window/2) e^{-j d (window/2 + delay)}:
+    the second part is the image at minus the carrier; carrier/omega because displacement stands for velocity. The
+    carrier's own phase is compensated.
+
+    Parameters
+    ----------
+    carrier_rad_s : float
+        Angular frequency of the carrier in rad/s.
+    window_s : float
+        Length of the mean.
+    delay_s : float, optional
+        Delay after the mean.
+
+    Returns
+    -------
+    callable
+        H (n,) of angular frequencies (n,) in rad/s.
     """
 
     def mean(d: FloatArray) -> ComplexArray:
@@ -432,7 +621,22 @@ def demodulated(carrier_rad_s: float, window_s: float, delay_s: float = 0.0) -> 
 
 
 def instability_gain_n_s_m(beam: FreeBeam, layout: Layout, high_n_s_m: float) -> float:
-    """Least damper c up to `high` at which some pole crosses into growth, N s/m; inf when none does on a fine scan."""
+    """Find the least damper at which some pole crosses into growth.
+
+    Parameters
+    ----------
+    beam : FreeBeam
+        The beam.
+    layout : Layout
+        Points of the loops.
+    high_n_s_m : float
+        Largest damper c of the scan, in N s/m; the scan begins at 1e-9 times this.
+
+    Returns
+    -------
+    float
+        Damper c in N s/m; inf when no pole crosses on the scan.
+    """
 
     def growth(damper: float) -> float:
         return growth_per_s(beam, layout, damper)
@@ -445,9 +649,22 @@ def instability_gain_n_s_m(beam: FreeBeam, layout: Layout, high_n_s_m: float) ->
 
 
 def active_beam_study(data: ActiveBeamData | None = None) -> ActiveBeamStudy:
-    """Closed-loop shapes, forces, stability and sensitivity of active pillars on a free-free strip.
+    """Compute closed-loop shapes, forces, stability and sensitivity of active pillars on a free-free strip.
 
-    SolverError for a zero gain, or a frequency not above 0 or of a lossless resonance.
+    Parameters
+    ----------
+    data : ActiveBeamData, optional
+        Strip, loops and frequencies; by default the study's own.
+
+    Returns
+    -------
+    ActiveBeamStudy
+        Results by layout, frequency and gain.
+
+    Raises
+    ------
+    SolverError
+        If a gain or a frequency is not above 0, or a frequency is that of a lossless resonance.
     """
     data = ActiveBeamData() if data is None else data
     _check(data)
@@ -570,7 +787,7 @@ def _stability(data: ActiveBeamData, layout: Layout) -> LoopStability:
     if beam.viscosity_s == 0.0:  # infinitely many modes without losses: any delay drives some of them at any gain
         limits, margins = [(0.0, nan)] * len(filters), [0.0 if holds else None for holds in stable]
     else:
-        loci = characteristic_loci(beam, layout, highest_hz(beam, layout, highest))
+        loci = characteristic_loci(beam, layout, _highest_hz(beam, layout, highest))
         limits = [gain_limit_n_s_m(loci, one) for one in filters]
         margins = [
             delay_margin_s(loci, gain / omega) if holds else None

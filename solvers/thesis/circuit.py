@@ -121,9 +121,26 @@ class LineResponse:
 
 
 def nodal_response(line: Line, omega: ArrayLike) -> LineResponse:
-    """Every force and velocity of a driven line, all circuit equations at once; filters enter by their admittance.
+    """Compute every force and velocity of a driven line from all circuit equations at once.
 
-    SolverError when a lossless resonance is hit exactly, or a frequency is not above 0.
+    Filters enter by their admittance, which is finite at the rejected frequency.
+
+    Parameters
+    ----------
+    line : Line
+        Cells, ends, sources and filters.
+    omega : array_like, shape (n,)
+        Angular frequencies in rad/s, or a single one.
+
+    Returns
+    -------
+    LineResponse
+        Complex velocities of the joints in m/s and forces in N.
+
+    Raises
+    ------
+    SolverError
+        If a lossless resonance is hit exactly, or a frequency is not above 0.
     """
     w = np.atleast_1d(checked_frequencies(omega))
     cells, size = len(line.cells), len(line.cells) + 1
@@ -156,8 +173,26 @@ def nodal_response(line: Line, omega: ArrayLike) -> LineResponse:
 
 
 def natural_frequencies_hz(line: Line, low_hz: float, high_hz: float, step_hz: float = 5.0) -> FloatArray:
-    """Lossless natural frequencies between low and high, ascending: sign changes of the end condition, filters' poles
-    multiplied out. Two closer than step_hz are missed.
+    """Find the natural frequencies of a line without its losses: sign changes of the end condition.
+
+    Parameters
+    ----------
+    line : Line
+        Cells, ends and filters; sources have no effect.
+    low_hz, high_hz : float
+        Ends of the band, 0 < low < high.
+    step_hz : float, optional
+        Step of the scan; two frequencies within one step are missed.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Frequencies in Hz, ascending.
+
+    Raises
+    ------
+    SolverError
+        If the band is empty.
     """
     if not 0.0 < low_hz < high_hz:
         raise SolverError(f"band {low_hz:g} to {high_hz:g} Hz: must be 0 < low < high")
@@ -171,6 +206,7 @@ def natural_frequencies_hz(line: Line, low_hz: float, high_hz: float, step_hz: f
         for k in range(len(cells) - 1, -1, -1):
             state = cells[k].chain(omega) @ state
             if k in filters:
+                # V changes by I/Y; times Y omega, which has no poles, over j, so that V and I stay real or imaginary
                 y = filters[k].admittance(omega)[:, None] * omega[:, None]
                 state = np.stack([y * state[:, 0] + omega[:, None] * state[:, 1], y * state[:, 1]], axis=1) / 1j
         end = state[:, 0, 0] if line.left == "free" else state[:, 1, 0]
@@ -234,7 +270,25 @@ class MasonStudy:
 
 
 def mason_study(data: MasonData | None = None, frequencies_hz: FloatArray | None = None) -> MasonStudy:
-    """Figures 1.24 to 1.27 computed; the window defaults to 1 kHz ... 1.6 times the target, wide enough to hold it."""
+    """Compute figures 1.24 to 1.27 of the thesis.
+
+    Parameters
+    ----------
+    data : MasonData, optional
+        Cells and filter; by default the study's own.
+    frequencies_hz : ndarray, shape (n,), optional
+        Window of the curves; by default from 0.04 to 1.6 times the target frequency.
+
+    Returns
+    -------
+    MasonStudy
+        Velocities, natural frequencies and confinement of the three lines.
+
+    Raises
+    ------
+    SolverError
+        If the target frequency, the quality factor or the mass ratio is not above 0.
+    """
     data = MasonData() if data is None else data
     check_above_zero("target frequency in Hz", data.target_hz)
     if not (data.quality_factor > 0.0 and data.mass_ratio > 0.0):
@@ -261,12 +315,36 @@ def mason_study(data: MasonData | None = None, frequencies_hz: FloatArray | None
 
 
 def three_clamped(data: MasonData) -> Line:
-    """Three cells, both ends clamped, the middle one driven."""
+    """Return the line of three cells with both ends clamped, the middle one driven by 1 N.
+
+    Parameters
+    ----------
+    data : MasonData
+        Data of the cells.
+
+    Returns
+    -------
+    Line
+        Line without filters.
+    """
     return Line((data.cell,) * 3, "clamped", "clamped", (0.0, 1.0, 0.0))
 
 
 def five_free(data: MasonData, filtered: bool) -> Line:
-    """Five cells, both ends free, the middle one driven; filters at the joints 1 and 4 when asked."""
+    """Return the line of five cells with both ends free, the middle one driven by 1 N.
+
+    Parameters
+    ----------
+    data : MasonData
+        Data of the cells and of the filter.
+    filtered : bool
+        Whether filters stand at the joints 1 and 4.
+
+    Returns
+    -------
+    Line
+        Line with or without filters.
+    """
     filters = {1: data.filter, 4: data.filter} if filtered else {}
     return Line((data.cell,) * 5, "free", "free", (0.0, 0.0, 1.0, 0.0, 0.0), filters)
 

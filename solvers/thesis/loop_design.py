@@ -75,11 +75,23 @@ def _coefficients(setup: Setup, gain_error: complex) -> tuple[complex, ...]:
 
 
 def sampled_loop(setup: Setup) -> SampledLoop:
-    """Return ratio and reference response from slow to half the slow step's rate, both signs of frequency."""
+    """Compute the return ratio and the reference response up to half the slow step's rate, for both signs of frequency.
+
+    Parameters
+    ----------
+    setup : Setup
+        Loop of one mode; of several the first counts.
+
+    Returns
+    -------
+    SampledLoop
+        Envelope frequencies in rad/s, ascending from negative ones, without 0.
+    """
     (a, b, c, e, state, feed, integral), period = _coefficients(setup, 1.0), setup.rates.period_s
     half = np.geomspace(1e-4, 1.0, POINTS) * pi / period
     omega = np.concatenate([-half[::-1], half])
     z = np.exp(1j * omega * period)
+    # z-transforms of the recursions in _coefficients: M = plant V, and V = -(integral/(z - 1) + state)/(z + feed) M
     plant = e + c * b / (z - a)
     loop = plant * (integral / (z - 1.0) + state) / (z + feed)
     age = setup.rates.ahead_s / period
@@ -88,14 +100,43 @@ def sampled_loop(setup: Setup) -> SampledLoop:
 
 
 def closed_loop_poles(setup: Setup, gain_error: complex = 1.0) -> ComplexArray:
-    """Poles in z of (U, V, I), shape (3,); gain_error multiplies the plant (its phase: an error of the carrier's)."""
+    """Compute the poles in z of the states (U, V, I) of the sampled loop.
+
+    Parameters
+    ----------
+    setup : Setup
+        Loop of one mode; of several the first counts.
+    gain_error : complex, optional
+        Factor on the plant's gain; its phase is an error of the carrier's.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Complex poles; the loop is stable if all are inside the unit circle.
+    """
     a, b, c, e, state, feed, integral = _coefficients(setup, gain_error)
     matrix = [[a, b, 0.0], [-state * c, -state * e - feed, 1.0], [-integral * c, -integral * e, 1.0]]
     return np.asarray(np.linalg.eigvals(np.array(matrix)))
 
 
 def margins(setup: Setup) -> Margins:
-    """Gain, phase and sensitivity of the sampled loop. SolverError when it is unstable to begin with."""
+    """Compute the gain and phase margins and the sensitivity of the sampled loop.
+
+    Parameters
+    ----------
+    setup : Setup
+        Loop of one mode; of several the first counts.
+
+    Returns
+    -------
+    Margins
+        Gain factor (inf without a limit), phase in degrees up to 180, sensitivity and poles.
+
+    Raises
+    ------
+    SolverError
+        If the loop is unstable to begin with.
+    """
     poles = closed_loop_poles(setup)
     if not np.all(np.abs(poles) < 1.0):
         raise SolverError(f"the loop is unstable: a pole of modulus {np.abs(poles).max():.3f} per step")
@@ -266,9 +307,22 @@ class DqStudy:
 
 
 def dq_study(data: DqData | None = None) -> DqStudy:
-    """Everything about the loop of one mode; deterministic.
+    """Design and simulate the loop of one mode; deterministic.
 
-    SolverError for a response asked faster than the loop's latency, values not above 0, a sweep that shows no circle.
+    Parameters
+    ----------
+    data : DqData, optional
+        Mode, controller and rates; by default the study's own.
+
+    Returns
+    -------
+    DqStudy
+        Design, limits of the drive, identification, margins and steps.
+
+    Raises
+    ------
+    SolverError
+        If the response asked for is faster than the loop allows, a value is not above 0 or the sweep shows no circle.
     """
     data = DqData() if data is None else data
     if not (isfinite(data.share) and 0.0 < data.share < 1.0):
@@ -297,10 +351,27 @@ def dq_study(data: DqData | None = None) -> DqStudy:
 
 
 def planned_response_s(setup: Setup, within_s: float) -> float:
-    """The time constant to plan the sampled gains with for 95 % within a time, by simulation without noise and limit.
+    """Find the time constant that plans the sampled gains for 95 % within a time.
 
-    The planned pole is not the loop's: the integral and the age of a measurement slow it. SolverError when no gain below a
-    deadbeat answer gets there.
+    The loop is simulated without noise and limit. The planned pole is not the loop's: the integral and the age of a
+    measurement slow it.
+
+    Parameters
+    ----------
+    setup : Setup
+        Loop of one mode; of several the first counts.
+    within_s : float
+        Time to 95 % of the reference.
+
+    Returns
+    -------
+    float
+        Time constant in s, at most `within_s`.
+
+    Raises
+    ------
+    SolverError
+        If no gain below that of a deadbeat answer reaches 95 % in time.
     """
     exact = replace(setup.rates, bits=0)
     ideal = replace(setup, modes=setup.modes[:1], noise=0.0, offset=0.0, drive_limit=inf, rates=exact)
@@ -366,5 +437,16 @@ def _step(name: str, setup: Setup, reference: float) -> Step:
 
 
 def envelope_frequencies(data: DqData) -> FloatArray:
-    """Frequencies of the Bode diagram, rad/s, up to half the slow step's rate, shape (400,)."""
+    """Return the frequencies of the Bode diagram, up to half the slow step's rate.
+
+    Parameters
+    ----------
+    data : DqData
+        Data with the rates of the loop.
+
+    Returns
+    -------
+    ndarray, shape (400,)
+        Envelope frequencies in rad/s, from 1 Hz, geometrically spaced.
+    """
     return np.asarray(np.geomspace(2.0 * pi, pi / data.rates.period_s, 400))

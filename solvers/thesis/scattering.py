@@ -113,17 +113,56 @@ class PillarFilter:
 
 
 def strengths(host_beam: HostBeam, feet: ComplexArray, omega: ArrayLike) -> tuple[ComplexArray, ComplexArray]:
-    """Dimensionless force and moment strengths K_ww/(4 EI beta^3), K_tt/(4 EI beta) of a foot, each shape (n,)."""
+    """Compute the dimensionless force and moment strengths of a foot, K_ww/(4 EI beta^3) and K_tt/(4 EI beta).
+
+    Parameters
+    ----------
+    host_beam : HostBeam
+        The beam under the foot.
+    feet : ndarray, shape (n, 2, 2)
+        Foot stiffness over (w, w_x) at each frequency, in N/m, N and N m.
+    omega : array_like, shape (n,)
+        Angular frequencies in rad/s.
+
+    Returns
+    -------
+    force, moment : ndarray, shape (n,)
+        Strengths, complex with losses.
+    """
     beta, ei = host_beam.wavenumber_per_m(omega), host_beam.bending_n_m2
     return feet[:, 0, 0] / (4.0 * ei * beta**3), feet[:, 1, 1] / (4.0 * ei * beta)
 
 
 def scatter(host_beam: HostBeam, feet: ComplexArray, places_m: Sequence[float], omega: ArrayLike) -> Scattering:
-    """Waves of one or several resonators of foot stiffness `feet` (n, 2, 2) standing at places_m; near fields kept.
+    """Compute the waves that one or several equal resonators scatter, near fields included.
 
     w = e^{i beta x} + sum of F_j g(x - x_j) - M_j g'(x - x_j), g = (i e^{i beta|x|} - e^{-beta|x|})/(4 EI beta^3), and
-    (F_j, M_j) = -K (w, w_x) at x_j. SolverError for no place, two resonators at one place or a singular system.
-    Source: graff1975.
+    (F_j, M_j) = -K (w, w_x) at x_j.
+
+    Parameters
+    ----------
+    host_beam : HostBeam
+        The infinite beam.
+    feet : ndarray, shape (n, 2, 2)
+        Foot stiffness K of every resonator over (w, w_x) at each frequency, in N/m, N and N m.
+    places_m : sequence of float
+        Places x_j of the resonators, all different.
+    omega : array_like, shape (n,)
+        Angular frequencies in rad/s.
+
+    Returns
+    -------
+    Scattering
+        Far-field amplitudes for a unit wave from the left, and the loads of the resonators.
+
+    Raises
+    ------
+    SolverError
+        If there is no place, two resonators share one, or the system is singular.
+
+    References
+    ----------
+    .. [1] graff1975 (docs/references.bib)
     """
     beta, places = host_beam.wavenumber_per_m(omega), np.asarray(places_m, dtype=float)
     if places.size == 0 or np.unique(places).size < places.size or not np.all(np.isfinite(places)):
@@ -140,7 +179,26 @@ def scatter(host_beam: HostBeam, feet: ComplexArray, places_m: Sequence[float], 
 def field(
     host_beam: HostBeam, scattering: Scattering, places_m: Sequence[float], omega: ArrayLike, x_m: ArrayLike
 ) -> ComplexArray:
-    """Deflection of the host for a unit incident wave, shape (n, points)."""
+    """Compute the deflection of the host for a unit incident wave.
+
+    Parameters
+    ----------
+    host_beam : HostBeam
+        The infinite beam.
+    scattering : Scattering
+        Result of `scatter` for the same beam, places and frequencies.
+    places_m : sequence of float
+        Places of the resonators.
+    omega : array_like, shape (n,)
+        Angular frequencies in rad/s.
+    x_m : array_like, shape (points,)
+        Places of the deflection.
+
+    Returns
+    -------
+    ndarray, shape (n, points)
+        Complex deflection relative to the incident wave's.
+    """
     beta, x = host_beam.wavenumber_per_m(omega), np.asarray(x_m, dtype=float)
     rows = []
     for k, loads in zip(beta, scattering.loads, strict=True):
@@ -150,9 +208,25 @@ def field(
 
 
 def transfer_matrix(host_beam: HostBeam, foot: ComplexArray, pitch_m: float, omega: float) -> ComplexArray:
-    """State (w, w_x/beta, w_xx/beta^2, w_xxx/beta^3) just before one resonator to just before the next, shape (4, 4).
+    """Return the transfer matrix from just before one resonator to just before the next.
 
-    T = free beam over the pitch times the jump of moment and shear at the foot (2, 2).
+    T = free beam over the pitch times the jump of moment and shear at the foot.
+
+    Parameters
+    ----------
+    host_beam : HostBeam
+        The beam between the resonators.
+    foot : ndarray, shape (2, 2)
+        Foot stiffness over (w, w_x), in N/m, N and N m.
+    pitch_m : float
+        Distance between resonators.
+    omega : float
+        Angular frequency in rad/s.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        T over the state (w, w_x/beta, w_xx/beta^2, w_xxx/beta^3).
     """
     beta, ei = float(host_beam.wavenumber_per_m(omega)[0]), host_beam.bending_n_m2
     s, c = np.sin(beta * pitch_m), np.cos(beta * pitch_m)
@@ -174,12 +248,27 @@ def transfer_matrix(host_beam: HostBeam, foot: ComplexArray, pitch_m: float, ome
 
 
 def decay_db_per_row(host_beam: HostBeam, feet: ComplexArray, pitch_m: float, omega: ArrayLike) -> FloatArray:
-    """Decay in decibels per resonator of the least attenuated Bloch wave of an infinite row, shape (n,).
+    """Compute the decay of the least attenuated Bloch wave of an infinite row of resonators.
 
-    The eigenvalues of T come in pairs lambda, 1/lambda whose sums follow from two traces: 20 log10 of the smaller outer one.
+    Parameters
+    ----------
+    host_beam : HostBeam
+        The beam between the resonators.
+    feet : ndarray, shape (n, 2, 2)
+        Foot stiffness over (w, w_x) at each frequency, in N/m, N and N m.
+    pitch_m : float
+        Distance between resonators.
+    omega : array_like, shape (n,)
+        Angular frequencies in rad/s.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Decay in dB per resonator, 0 or more.
     """
     pairs = zip(np.atleast_1d(omega), feet, strict=True)
     matrices = np.stack([transfer_matrix(host_beam, foot, pitch_m, float(value)) for value, foot in pairs])
+    # with s = lambda + 1/lambda of each pair: s_1 + s_2 = tr T, and s_1 s_2 = ((tr T)^2 - tr T^2)/2 - 2
     trace, squared = (np.trace(each, axis1=1, axis2=2) for each in (matrices, matrices @ matrices))
     root = np.sqrt(trace**2 - 4.0 * ((trace**2 - squared) / 2.0 - 2.0) + 0j)
     sums = np.array([(trace + root) / 2.0, (trace - root) / 2.0])  # lambda + 1/lambda of each pair
@@ -189,7 +278,20 @@ def decay_db_per_row(host_beam: HostBeam, feet: ComplexArray, pitch_m: float, om
 
 
 def half_power_band(transmitted: FloatArray, omega: FloatArray) -> tuple[float, float] | None:
-    """Ends, by linear interpolation, of the widest stretch of frequencies with |t|^2 <= 1/2; None without any."""
+    """Find the widest stretch of frequencies with |t|^2 <= 1/2, its ends by linear interpolation.
+
+    Parameters
+    ----------
+    transmitted : ndarray, shape (n,)
+        Transmitted share of power, |t|^2.
+    omega : ndarray, shape (n,)
+        Frequencies, ascending, in any unit.
+
+    Returns
+    -------
+    tuple of float, or None
+        Ends in the unit of `omega`; None where |t|^2 stays above 1/2.
+    """
     below = np.concatenate([[False], np.asarray(transmitted) <= 0.5, [False]])
     edges = np.flatnonzero(np.diff(below.astype(int)))
     if edges.size == 0:
@@ -207,7 +309,24 @@ def half_power_band(transmitted: FloatArray, omega: FloatArray) -> tuple[float, 
 
 
 def oscillator_total_reflection_rad_s(host_beam: HostBeam, mass_kg: float, resonance_rad_s: float) -> float:
-    """Frequency of an undamped vertical oscillator's total reflection: w^2 = w0^2 [1 + m beta(w)/(4 rho A)], above w0."""
+    """Compute the frequency at which an undamped vertical oscillator reflects everything.
+
+    w^2 = w0^2 [1 + m beta(w)/(4 rho A)], above w0.
+
+    Parameters
+    ----------
+    host_beam : HostBeam
+        The beam under the oscillator.
+    mass_kg : float
+        Mass m of the oscillator.
+    resonance_rad_s : float
+        Its resonance w0 on a rigid foot, in rad/s.
+
+    Returns
+    -------
+    float
+        Angular frequency in rad/s.
+    """
     own = np.sqrt(resonance_rad_s)
     added = mass_kg * float(host_beam.wavenumber_per_m(resonance_rad_s)[0]) / (4.0 * host_beam.mass_kg_m)
     roots = np.roots([1.0, 0.0, 0.0, -added, -1.0])  # of sqrt(w/w0), as which beta grows; the largest is above 1
@@ -217,9 +336,24 @@ def oscillator_total_reflection_rad_s(host_beam: HostBeam, mass_kg: float, reson
 def moment_total_reflection_rad_s(
     host_beam: HostBeam, foot_of: Callable[[float], ComplexArray], clamped_rad_s: float
 ) -> float:
-    """Frequency of total reflection by a lossless pillar's foot moment: K_tt = -4 EI beta, below clamped_rad_s.
+    """Compute the frequency at which the foot moment of a lossless pillar reflects everything: K_tt = -4 EI beta.
 
-    K_tt falls from 0 to minus infinity as the frequency rises to the pillar's clamped resonance (Foster), so there is one.
+    K_tt falls from 0 to minus infinity as the frequency rises to the pillar's clamped resonance (Foster), so there is
+    one.
+
+    Parameters
+    ----------
+    host_beam : HostBeam
+        The beam under the pillar.
+    foot_of : callable
+        Foot stiffness (1, 2, 2) at an angular frequency in rad/s.
+    clamped_rad_s : float
+        First resonance of the pillar on a rigid foot, in rad/s.
+
+    Returns
+    -------
+    float
+        Angular frequency in rad/s, below the clamped resonance.
     """
 
     def excess(omega: float) -> float:
@@ -229,11 +363,26 @@ def moment_total_reflection_rad_s(
 
 
 def point_force(points: int = 801) -> PointForce:
-    """Spring s = 1, pinned point, damper of the printed condition s = -i, moment s = -1, and the printed force by itself.
+    """Scatter a unit wave at a spring s = 1, a pinned point, the printed damper s = -i and a moment s = -1.
 
-    s = K_ww/(4 EI beta^3) of a force -K w(0), or K_tt/(4 EI beta) of a moment -K w'(0). Total reflection takes the force
-    +4 i EI beta^3 W_p, which the spring's is; the printed -4 i EI beta^3 W_p doubles the wave instead. SolverError for
-    fewer than two points.
+    s = K_ww/(4 EI beta^3) of a force -K w(0), or K_tt/(4 EI beta) of a moment -K w'(0). Total reflection takes the
+    force +4 i EI beta^3 W_p, which the spring's is; the printed -4 i EI beta^3 W_p doubles the wave instead.
+    The printed force by itself is the last case.
+
+    Parameters
+    ----------
+    points : int, optional
+        Number of places along the beam, from -2 to 2 wavelengths.
+
+    Returns
+    -------
+    PointForce
+        Deflection and shares of power of the five cases.
+
+    Raises
+    ------
+    SolverError
+        If there are fewer than two points.
     """
     if points < 2:
         raise SolverError(f"points = {points}: must be 2 or more")
@@ -250,14 +399,29 @@ def point_force(points: int = 801) -> PointForce:
 
 
 def pillar_foot(beam: Beam, omega: ArrayLike, axial_n: float, loss: float = 0.0, lever_m: float = 0.0) -> ComplexArray:
-    """A pillar on its foot, its tip free or with a rigid body on it, shape (n, 2, 2): bending by the foot's rotation,
-    stretching by its deflection.
+    """Compute the dynamic stiffness of a pillar on its foot.
 
-    beam: the pillar (uniform; shear_n = inf and rotary_kg_m = 0 make it Euler-Bernoulli's); axial_n: EA in N; loss eta:
-    E (1 - i eta); lever_m: height of the foot above the host's neutral line, which stays at rest along x.
-    K_ww = -rho A omega^2 h B/(kh), k^2 = rho A omega^2/EA, B = tan(kh) without a body on the tip, with one of M = m rho A h
-    (sin kh + m kh cos kh)/(cos kh - m kh sin kh); K_tt = D_tt + 2 e D_ut + e^2 D_uu with the bending
-    stiffness D of the foot. N/m, N m.
+    The foot's rotation bends it, its deflection stretches it: K_ww = -rho A omega^2 h B/(kh), k^2 = rho A omega^2/EA,
+    B = tan(kh) without a body on the tip, with one of M = m rho A h (sin kh + m kh cos kh)/(cos kh - m kh sin kh);
+    K_tt = D_tt + 2 e D_ut + e^2 D_uu with the bending stiffness D of the foot.
+
+    Parameters
+    ----------
+    beam : Beam
+        The pillar, uniform, its tip free or with a rigid body; shear_n = inf and rotary_kg_m = 0 are Euler-Bernoulli's.
+    omega : array_like, shape (n,)
+        Angular frequencies in rad/s.
+    axial_n : float
+        Stretching stiffness EA in N.
+    loss : float, optional
+        Loss factor eta of E (1 - i eta), dimensionless.
+    lever_m : float, optional
+        Height e of the foot above the host's neutral line, which stays at rest along x.
+
+    Returns
+    -------
+    ndarray, shape (n, 2, 2)
+        Complex stiffness over (w, w_x), diagonal: K_ww in N/m and K_tt in N m.
     """
     w = np.atleast_1d(checked_frequencies(omega))
     foot = np.zeros((w.size, 2, 2), dtype=complex)
@@ -273,11 +437,29 @@ def pillar_foot(beam: Beam, omega: ArrayLike, axial_n: float, loss: float = 0.0,
 
 
 def bending_foot(beam: Beam, omega: float, loss: float = 0.0) -> ComplexArray:
-    """Dynamic stiffness of a uniform beam's end s = 0, other end free or with a rigid body, over (displacement, rotation),
-    shape (2, 2).
+    """Compute the dynamic stiffness of a uniform beam's end s = 0, the other end free or with a rigid body.
 
     From the four exact waves exp(lambda s), lambda^4 + (b + r O^2) lambda^2 + r O^2 b - O^2 = 0, O the dimensionless
     frequency with E (1 - i loss). Euler-Bernoulli: K_tt = -EI beta (sin cosh - cos sinh)/(1 + cos cosh) of beta L.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam, Timoshenko's or Euler-Bernoulli's.
+    omega : float
+        Angular frequency in rad/s.
+    loss : float, optional
+        Loss factor of E (1 - i loss), dimensionless.
+
+    Returns
+    -------
+    ndarray, shape (2, 2)
+        Complex stiffness over (displacement, rotation), in N/m, N and N m.
+
+    Raises
+    ------
+    SolverError
+        If the beam is tapered.
     """
     if beam.width_ratio is not None:
         raise SolverError("a tapered pillar has no exact foot stiffness")
@@ -306,7 +488,23 @@ def bending_foot(beam: Beam, omega: float, loss: float = 0.0) -> ComplexArray:
 
 
 def strip_beam(design: Design) -> HostBeam:
-    """The strip of one pitch: bending stiffness D pitch of a plate kept straight along x."""
+    """Return the strip of one pitch as a beam: bending stiffness D pitch of a plate kept straight along x.
+
+    Parameters
+    ----------
+    design : Design
+        Design with a stack and a pitch along x.
+
+    Returns
+    -------
+    HostBeam
+        The strip without pillars.
+
+    Raises
+    ------
+    SolverError
+        If the pitch or the thickness is missing.
+    """
     stack, width = design.stack, design.pitch_x_m
     if isnan(width) or isnan(design.thickness_m):
         raise SolverError("the strip needs a pitch and a thickness")
@@ -314,9 +512,28 @@ def strip_beam(design: Design) -> HostBeam:
 
 
 def pillar_filter(design: Design, frequencies_hz: FloatArray, loss: float = 0.0) -> PillarFilter:
-    """Scattering of the design's rows, pitch_y apart, at normal incidence. loss: E (1 - i loss) in the pillar.
+    """Scatter a flexural wave at normal incidence at the design's rows of pillars.
 
-    The foot stands half a thickness above the neutral line. SolverError without a pillar, a pitch or a thickness.
+    The foot stands half a thickness above the neutral line.
+
+    Parameters
+    ----------
+    design : Design
+        Design with pillar, pitches, rows and thickness.
+    frequencies_hz : ndarray, shape (n,)
+        Frequencies, ascending.
+    loss : float, optional
+        Loss factor of E (1 - i loss) in the pillar, dimensionless.
+
+    Returns
+    -------
+    PillarFilter
+        Shares of power of 1 row to all rows, and the decay of an infinite number of them.
+
+    Raises
+    ------
+    SolverError
+        If the pillar, a pitch or the thickness is missing.
     """
     if design.pillar is None:
         raise SolverError("a row of pillars needs a pillar")
@@ -349,8 +566,25 @@ def pillar_filter(design: Design, frequencies_hz: FloatArray, loss: float = 0.0)
 
 
 def design_feet(pillar: Pillar, omega: FloatArray, loss: float = 0.0, lever_m: float = 0.0) -> ComplexArray:
-    """Foot stiffness of a design's pillar, or of both on opposite faces, shape (n, 2, 2): diagonal, so that the mirror image
-    adds the same.
+    """Compute the foot stiffness of a design's pillar, or of both on opposite faces.
+
+    It is diagonal, so that the mirror image adds the same.
+
+    Parameters
+    ----------
+    pillar : Pillar
+        Pillar on one or both faces.
+    omega : ndarray, shape (n,)
+        Angular frequencies in rad/s.
+    loss : float, optional
+        Loss factor of E (1 - i loss), dimensionless.
+    lever_m : float, optional
+        Height of the foot above the host's neutral line.
+
+    Returns
+    -------
+    ndarray, shape (n, 2, 2)
+        Stiffness of all feet at a place over (w, w_x), as of `pillar_foot`.
     """
     axial = pillar.material.rod(2).young_pa * pillar.form.section.area_m2
     return pillar.faces * pillar_foot(pillar_beam(pillar, about_x=True), omega, axial, loss, lever_m)

@@ -33,7 +33,22 @@ LINE = 301  # points along the beam
 
 
 def evenly(length_m: float, count: int, pitch_m: float | None = None) -> tuple[float, ...]:
-    """Centres of `count` patches about the beam's middle; without a pitch each stands in the middle of an equal share."""
+    """Place patches evenly about the beam's middle.
+
+    Parameters
+    ----------
+    length_m : float
+        Length of the beam.
+    count : int
+        Number of patches.
+    pitch_m : float, optional
+        Distance between neighbours; by default each stands in the middle of an equal share of the length.
+
+    Returns
+    -------
+    tuple of float
+        Centres in m from the left end, ascending.
+    """
     pitch = length_m / count if pitch_m is None else pitch_m
     return tuple(float(length_m / 2.0 + (i - (count - 1) / 2.0) * pitch) for i in range(count))
 
@@ -82,7 +97,20 @@ class PatchedBeam:
 
 
 def section(beam: PatchedBeam, patched: bool) -> tuple[float, float, float, float]:
-    """EA, ES, EI about the middle plane and rho A of a bare or a patched section (N, N m, N m2, kg/m)."""
+    """Compute the stiffnesses and the mass of a bare or a patched section.
+
+    Parameters
+    ----------
+    beam : PatchedBeam
+        Beam and patches.
+    patched : bool
+        Whether the section carries ceramic.
+
+    Returns
+    -------
+    stretching_n, coupling_n_m, bending_n_m2, mass_kg_m : float
+        EA (N), ES (N m) and EI (N m2) about the beam's middle plane, and rho A (kg/m).
+    """
     young, area = beam.material.rod(0).young_pa, beam.width_m * beam.thickness_m
     bare = (young * area, 0.0, young * area * beam.thickness_m**2 / 12.0, beam.material.density_kg_m3 * area)
     if not patched:
@@ -116,11 +144,26 @@ class Condensed:
 
 
 def condense(beam: PatchedBeam, element_m: float = 1.5e-3) -> Condensed:
-    """Assemble, close the sensors' circuits on themselves, hold the ends, and leave the extension to statics.
+    """Assemble the beam over its free (w, w') degrees of freedom, with open sensors, held ends and static extension.
 
-    Raises SolverError for sizes, patches or ends that cannot be.
+    Parameters
+    ----------
+    beam : PatchedBeam
+        Beam and patches.
+    element_m : float, optional
+        Approximate length of the elements; at least two lie between neighbouring edges of patches.
+
+    Returns
+    -------
+    Condensed
+        Matrices, forces per volt, signals and charges.
+
+    Raises
+    ------
+    SolverError
+        If sizes, patches or ends are invalid.
     """
-    check_beam(beam)
+    _check_beam(beam)
     nodes = _nodes(beam, element_m)
     middle = (nodes[1:] + nodes[:-1]) / 2.0
     patched = (np.abs(middle[:, None] - np.array(beam.centres_m)) < beam.patch_length_m / 2.0).any(axis=1)
@@ -151,9 +194,26 @@ def condense(beam: PatchedBeam, element_m: float = 1.5e-3) -> Condensed:
 
 
 def beam_table(beam: PatchedBeam, modes: int = 20, points_m: FloatArray | None = None) -> ModalTable:
-    """Modes, actuator weights, open-circuit sensor voltages and deflection at points (default: 301 along the beam).
+    """Compute modes, actuator weights, open-circuit sensor voltages and deflection of a patched beam.
 
-    Raises SolverError as condense, and for a number of modes that is not from 1 to the number of degrees of freedom.
+    Parameters
+    ----------
+    beam : PatchedBeam
+        Beam and patches.
+    modes : int, optional
+        Number of modes, from 1 to the number of degrees of freedom.
+    points_m : ndarray, shape (p,), optional
+        Places of the deflection; by default 301 along the beam.
+
+    Returns
+    -------
+    ModalTable
+        Modes in SI with the static residual of the others; signals in V.
+
+    Raises
+    ------
+    SolverError
+        If the number of modes, a size, a patch or an end is invalid.
     """
     points = np.linspace(0.0, beam.length_m, LINE) if points_m is None else points_m
     body = condense(beam)
@@ -161,7 +221,27 @@ def beam_table(beam: PatchedBeam, modes: int = 20, points_m: FloatArray | None =
 
 
 def charge_table(beam: PatchedBeam, modes: int = 20) -> ModalTable:
-    """The actuators' own charges as signals: sensor_matrix of it is the electrical capacitance matrix C(omega), F."""
+    """Return the modal table whose signals are the actuators' own charges.
+
+    Its `sensor_matrix` is the electrical capacitance matrix C(omega) in F.
+
+    Parameters
+    ----------
+    beam : PatchedBeam
+        Beam and patches.
+    modes : int, optional
+        Number of modes, from 1 to the number of degrees of freedom.
+
+    Returns
+    -------
+    ModalTable
+        Modes in SI with the static residual of the others; signals in C, points at the actuators' centres.
+
+    Raises
+    ------
+    SolverError
+        If the number of modes, a size, a patch or an end is invalid.
+    """
     body = condense(beam)
     return _table(beam, body, modes, np.array(beam.centres_m), body.forces.T, body.capacitance)
 
@@ -187,7 +267,7 @@ def _table(
     )
 
 
-def check_beam(beam: PatchedBeam) -> None:
+def _check_beam(beam: PatchedBeam) -> None:
     """Raise SolverError for sizes that are not above 0, patches that overlap or overhang, unknown or loose ends."""
     for name, value in vars(beam).items():
         if name.endswith("_m") and name != "centres_m":
@@ -254,10 +334,32 @@ def point_beam_table(
     sense_v_m: float = 1.0,
     points_m: FloatArray | None = None,
 ) -> ModalTable:
-    """The bare beam of the same material and ends with points in place of its patches; default: 301 points along it.
+    """Return the modal table of the bare beam of the same material and ends, with points in place of its patches.
 
-    phi = phi_exact/sqrt(rho A L), phi_exact of mean square 1. SolverError for an empty list of places, places off the beam,
-    modes below 1, or ends that are unknown or leave a rigid-body mode.
+    phi = phi_exact/sqrt(rho A L), phi_exact of mean square 1.
+
+    Parameters
+    ----------
+    beam : PatchedBeam
+        Beam; its patches count by their centres alone.
+    modes : int, optional
+        Number of modes, 1 or more.
+    force_n_v : float, optional
+        Actuator gain K_f, N/V.
+    sense_v_m : float, optional
+        Sensor gain K_s, V/m.
+    points_m : ndarray, shape (p,), optional
+        Places of the deflection; by default 301 along the beam.
+
+    Returns
+    -------
+    ModalTable
+        Exact modes in SI, without a residual.
+
+    Raises
+    ------
+    SolverError
+        If no place is given or one is off the beam, modes < 1, or ends are unknown or leave a rigid-body mode.
     """
     places = np.array(beam.centres_m)
     if not places.size:
@@ -338,12 +440,36 @@ class ShapedBeam:
 
 
 def patched(name: str, beam: PatchedBeam, modes: int, calibrate_near_hz: float) -> ShapedBeam:
-    """The beam with its real patches, its sensors calibrated on the mode nearest a frequency on which none is at a node."""
+    """Return the beam with its real patches and calibrated sensors.
+
+    The sensors are calibrated on the mode nearest to a frequency among those that have no sensor on a node.
+
+    Parameters
+    ----------
+    name : str
+        Name in results and messages.
+    beam : PatchedBeam
+        Beam and patches.
+    modes : int
+        Number of modes of the table.
+    calibrate_near_hz : float
+        Frequency of the standing wave for the calibration.
+
+    Returns
+    -------
+    ShapedBeam
+        Beam with a calibration.
+
+    Raises
+    ------
+    SolverError
+        If some sensor sits on a node in every mode.
+    """
     table = beam_table(beam, modes, _points(beam))
     places = part_of(table, slice(LINE, None))
     for mode in np.argsort(np.abs(table.frequencies_hz - calibrate_near_hz), kind="stable"):
         try:
-            calibration = calibrate(*standing_wave(places, int(mode)))
+            calibration = calibrate(*_standing_wave(places, int(mode)))
         except SolverError:
             continue  # a sensor on a node of this mode: the next one
         return ShapedBeam(name, beam, table, calibration, int(mode))
@@ -351,11 +477,26 @@ def patched(name: str, beam: PatchedBeam, modes: int, calibrate_near_hz: float) 
 
 
 def pointed(name: str, beam: PatchedBeam, modes: int) -> ShapedBeam:
-    """The bare beam with point forces and deflection sensors at the same places."""
+    """Return the bare beam with point forces and deflection sensors at the same places.
+
+    Parameters
+    ----------
+    name : str
+        Name in results and messages.
+    beam : PatchedBeam
+        Beam; its patches count by their centres alone.
+    modes : int
+        Number of modes of the table.
+
+    Returns
+    -------
+    ShapedBeam
+        Beam without a calibration: its only signal is the displacement.
+    """
     return ShapedBeam(name, beam, point_beam_table(beam, modes, points_m=_points(beam)))
 
 
-def standing_wave(places: ModalTable, mode: int) -> Iterator[ComplexArray]:
+def _standing_wave(places: ModalTable, mode: int) -> Iterator[ComplexArray]:
     """Readings of laser and sensors at a mode's frequency, 1 to 10 V on the actuator that drives it most."""
     actuator, frequency = int(np.argmax(np.abs(places.actuators[mode]))), float(places.frequencies_hz[mode])
     for matrix in (field_matrix, sensor_matrix):
@@ -363,7 +504,20 @@ def standing_wave(places: ModalTable, mode: int) -> Iterator[ComplexArray]:
 
 
 def part_of(table: ModalTable, points: slice) -> ModalTable:
-    """The table over some of its points alone."""
+    """Restrict a modal table to some of its points.
+
+    Parameters
+    ----------
+    table : ModalTable
+        Table to restrict.
+    points : slice
+        Points that remain.
+
+    Returns
+    -------
+    ModalTable
+        Table with the same modes, actuators and sensors.
+    """
     residual = None if table.field_residual is None else table.field_residual[points]
     return replace(table, field=table.field[:, points], points_m=table.points_m[points], field_residual=residual)
 

@@ -170,7 +170,7 @@ class ShapingStudy:
         )
 
 
-def confine(model: ShapedBeam, signal: Signal, frequency_hz: float, limit_v: float) -> list[Confinement]:
+def _confine(model: ShapedBeam, signal: Signal, frequency_hz: float, limit_v: float) -> list[Confinement]:
     """Left, middle and right, both target patterns, at one frequency."""
     field, matrix, count = model.field(frequency_hz), model.matrix(frequency_hz, signal), len(model.places_m)
     levels = []
@@ -193,12 +193,12 @@ def confine(model: ShapedBeam, signal: Signal, frequency_hz: float, limit_v: flo
     return levels
 
 
-def polar(values: ComplexArray | complex) -> dict[str, Any]:
+def _polar(values: ComplexArray | complex) -> dict[str, Any]:
     """Size and phase of complex numbers."""
     return {"abs": np.abs(values), "phase_rad": np.angle(values)}
 
 
-def sweep(
+def _sweep(
     model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """TWR by amplitudes and by the two-wave fit, (n,) each, for waves of n lengths requested at the sensors."""
@@ -212,25 +212,25 @@ def sweep(
     return np.array([travelling_wave_ratio(wave) for wave in waves]), np.array(fits)
 
 
-def travel(model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m: FloatArray) -> Travelling:
+def _travel(model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m: FloatArray) -> Travelling:
     """Travelling waves at one frequency, evaluated where the ends' near field has fallen to a tenth."""
     k = 2.0 * pi / model.free_wavelength_m(frequency_hz)
     window = travel_window(model, frequency_hz)
     inside = inner_window(model.line_m, *window)
     x, field = model.line_m[inside], model.field(frequency_hz)[inside]
-    twr, fitted = sweep(model, signal, frequency_hz, wavelengths_m)
+    twr, fitted = _sweep(model, signal, frequency_hz, wavelengths_m)
     voltages, best = best_travelling_drive(field, x, k)
     fit, at = two_wave_fit(x, field @ voltages, k), int(np.argmax(twr))
     ratio = float(twr[at])
     shares = {"forward_energy_share": forward_energy_share(ratio), "net_flux_over_forward": net_flux_share(ratio)}
     peak = {"wavelength_m": float(wavelengths_m[at]), "twr": ratio} | shares
     free = {"twr": best, "fitted_twr": fit.twr, "near_field_share": fit.residual}
-    driven = {"voltages_relative": polar(voltages / np.abs(voltages).max())}
+    driven = {"voltages_relative": _polar(voltages / np.abs(voltages).max())}
     lengths = 2.0 * pi / k, wavelengths_m
     return Travelling(model.name, signal, frequency_hz, window, *lengths, twr, 1.0 - twr, fitted, peak, free | driven)
 
 
-def error_trials(
+def _error_trials(
     model: ShapedBeam, signal: Signal, frequency_hz: float, wavelength_m: float, errors: Errors
 ) -> dict[str, FloatArray]:
     """Effect of measurement errors on the left region and a wave of one length, by trial (n,): the region's peak ratio,
@@ -247,12 +247,25 @@ def error_trials(
 
 
 def travel_window(model: ShapedBeam, frequency_hz: float) -> tuple[float, float]:
-    """Window without the ends' near fields (fallen to a tenth), at most up to 0.4 and from 0.6 of the length, m."""
+    """Return the window in which the ends' near fields have fallen to a tenth; it holds at least the middle fifth.
+
+    Parameters
+    ----------
+    model : ShapedBeam
+        The beam.
+    frequency_hz : float
+        Frequency in Hz.
+
+    Returns
+    -------
+    low_m, high_m : float
+        Ends of the window from the beam's left end.
+    """
     margin = min(-log(NEAR_FIELD) / (2.0 * pi) * model.free_wavelength_m(frequency_hz), 0.4 * model.beam.length_m)
     return margin, model.beam.length_m - margin
 
 
-def best_pair(model: ShapedBeam, zone_m: tuple[float, float], others: float, highest_hz: float) -> ModePair:
+def _best_pair(model: ShapedBeam, zone_m: tuple[float, float], others: float, highest_hz: float) -> ModePair:
     """Neighbouring modes whose quarter-period sum travels best inside a zone when contrast, both below a frequency."""
     table = part_of(model.table, slice(LINE))
     inside = inner_window(table.points_m, *zone_m)
@@ -261,7 +274,7 @@ def best_pair(model: ShapedBeam, zone_m: tuple[float, float], others: float, hig
     return max(pairs, key=lambda pair: pair.twr)
 
 
-def resonators_and_patches(
+def _resonators_and_patches(
     model: ShapedBeam, zone_m: tuple[float, float], places: tuple[float, ...], mass_kg: float, frequency_hz: float
 ) -> dict[str, float]:
     """dB of the zone, driven from inside: free, held by oscillators at shares of the length, by patches, by both."""
@@ -277,7 +290,23 @@ def resonators_and_patches(
 
 
 def shaping_study(data: ShapingData | None = None) -> ShapingStudy:
-    """Sections 3.3 to 3.7 of the thesis and two steps beyond them. Raises SolverError for data that cannot be."""
+    """Compute sections 3.3 to 3.7 of the thesis and two steps beyond them.
+
+    Parameters
+    ----------
+    data : ShapingData, optional
+        Beams, frequencies and errors; by default the study's own.
+
+    Returns
+    -------
+    ShapingStudy
+        Results by beam and signal.
+
+    Raises
+    ------
+    SolverError
+        If the band, a frequency, the number of modes or a beam is invalid.
+    """
     data = ShapingData() if data is None else data
     _check(data)
     beams = _beams(data)
@@ -296,29 +325,31 @@ def shaping_study(data: ShapingData | None = None) -> ShapingStudy:
             one
             for beam, signal in signals
             for f in sorted({*data.frequencies_hz, *operating_frequencies(scans[beam.name, signal], 1).tolist()})
-            for one in confine(beam, signal, f, data.limit_v)
+            for one in _confine(beam, signal, f, data.limit_v)
         ),
-        travelling=tuple(travel(beam, signal, f, wavelengths) for beam, signal in signals for f in data.frequencies_hz),
-        trials={(beam.name, signal): error_trials(beam, signal, last, 0.066, data.errors) for beam, signal in signals},
-        pairs={beam.name: best_pair(beam, _zone(beam.beam), 1.0, high) for beam in beams},
+        travelling=tuple(
+            _travel(beam, signal, f, wavelengths) for beam, signal in signals for f in data.frequencies_hz
+        ),
+        trials={(beam.name, signal): _error_trials(beam, signal, last, 0.066, data.errors) for beam, signal in signals},
+        pairs={beam.name: _best_pair(beam, _zone(beam.beam), 1.0, high) for beam in beams},
         resonators={
-            beam.name: resonators_and_patches(beam, _zone(beam.beam), BESIDE, data.oscillator_kg, last)
+            beam.name: _resonators_and_patches(beam, _zone(beam.beam), BESIDE, data.oscillator_kg, last)
             for beam in beams
         },
-        choices=choices(data, last),
+        choices=_choices(data, last),
         filter=low_pass,
         filter_error=filter_error,
     )
 
 
-def bare_modes_hz(beam: PatchedBeam, count: int) -> FloatArray:
+def _bare_modes_hz(beam: PatchedBeam, count: int) -> FloatArray:
     """Natural frequencies of the beam without its patches, Hz, shape (count,)."""
     _, _, bending, mass = section(beam, False)
     kappas = roots(*beam.ends, count)
     return frequency_hz(np.array(kappas), beam.length_m, bending, mass)
 
 
-def choices(data: ShapingData, frequency_hz: float) -> tuple[dict[str, Any], ...]:
+def _choices(data: ShapingData, frequency_hz: float) -> tuple[dict[str, Any], ...]:
     """Effect of pitches of 1/6, 1/6.5 and 1/7 of the length and Q of 20, 50 and 200 on the long beam: conditioning of T by
     signal, and the largest TWR of waves requested in displacement.
     """
@@ -327,7 +358,7 @@ def choices(data: ShapingData, frequency_hz: float) -> tuple[dict[str, Any], ...
         centres = evenly(length, len(data.beam.centres_m), pitch)
         beam = replace(data.beam, centres_m=centres, quality_factor=quality_factor)
         model = patched("variant", beam, data.modes, data.calibrate_near_hz)
-        twr, _ = sweep(model, "displacement", frequency_hz, wavelengths)
+        twr, _ = _sweep(model, "displacement", frequency_hz, wavelengths)
         found = {signal: conditioning(model.matrix(frequency_hz, signal)) for signal in model.signals}
         best = {"peak_twr": twr.max(), "peak_wavelength_m": wavelengths[twr.argmax()]}
         told = {signal: {"condition": t.condition, "independence": t.independence} for signal, t in found.items()}
@@ -336,7 +367,18 @@ def choices(data: ShapingData, frequency_hz: float) -> tuple[dict[str, Any], ...
 
 
 def document(study: ShapingStudy) -> dict[str, Any]:
-    """Everything the study holds, in SI; complex numbers as {abs, phase_rad}."""
+    """Return everything the study holds as a document.
+
+    Parameters
+    ----------
+    study : ShapingStudy
+        The study.
+
+    Returns
+    -------
+    dict
+        Values in SI; complex numbers as {abs, phase_rad}.
+    """
     data = study.data
     return {
         "assumptions": ASSUMPTIONS,
@@ -359,7 +401,7 @@ def document(study: ShapingStudy) -> dict[str, Any]:
             **vars(study.filter),
             "corner_hz": study.filter.corner_hz,
             "pwm_ripple": abs(study.filter.response(data.pwm_hz)),
-            "compensation": [{"frequency_hz": f, **polar(study.filter.compensation(f))} for f in data.frequencies_hz],
+            "compensation": [{"frequency_hz": f, **_polar(study.filter.compensation(f))} for f in data.frequencies_hz],
             "compensation_error_of_moving_patches": study.filter_error,
         },
         "mode_pairs": [
@@ -370,7 +412,7 @@ def document(study: ShapingStudy) -> dict[str, Any]:
                 "twr": pair.twr,
                 "twr_of_the_two_modes_alone": pair.alone,
                 "wavenumber_rad_m": pair.wavenumber,
-                "voltages_relative": polar(pair.drive.voltages / np.abs(pair.drive.voltages).max()),
+                "voltages_relative": _polar(pair.drive.voltages / np.abs(pair.drive.voltages).max()),
             }
             for name, pair in study.pairs.items()
         ],
@@ -424,12 +466,12 @@ def _beam(model: ShapedBeam) -> dict[str, Any]:
         "piezo": beam.piezo.name,
         "modes_hz": table.frequencies_hz[:8],
         "antinodes": peaks.sum(axis=1),
-        "bare_modes_hz": bare_modes_hz(beam, 8),
+        "bare_modes_hz": _bare_modes_hz(beam, 8),
         "calibration": None
         if calibration is None
         else {
             "mode_hz": table.frequencies_hz[model.calibrated_on],
-            "m_per_v": polar(calibration),
+            "m_per_v": _polar(calibration),
             "common_phase_rad": common_phase(calibration),
         },
     }

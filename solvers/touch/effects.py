@@ -95,6 +95,7 @@ class _Problem:
         """N and dN/dlambda."""
         stiffness, stiffening = self._finger(value)
         residual, slope = self._residual(value)
+        # T = (1 + D R)^-1 D has the derivative (1 + D R)^-1 (D' - D^2 R') (1 + D R)^-1
         turn = np.linalg.inv(np.eye(len(residual)) + stiffness * residual)
         change = turn @ (stiffening * np.eye(len(residual)) - stiffness**2 * slope) @ turn
         matrix, derivative = (self.unit * self.gain @ each @ self.gain.T for each in (stiffness * turn, change))
@@ -330,10 +331,21 @@ class CrestMotion:
 
 
 def loaded_mode(touched: TouchedPlate, start: LoadedMode | None = None, slopes: bool = True) -> LoadedMode | None:
-    """The target mode under the finger, from that of a similar plate if known; None when the band holds
-    none, or the finger leaves none among the modes about it.
+    """Compute the target mode under the finger.
 
-    slopes: with the slopes of the residual vectors. Without them R matches two terms, and the change bounds the error of four.
+    Parameters
+    ----------
+    touched : TouchedPlate
+        The plate with the finger.
+    start : LoadedMode, optional
+        That of a similar plate, as the start of the iteration; by default the mode that holds most of the free one.
+    slopes : bool, optional
+        With the slopes of the residual vectors. Without them R matches two terms; the change bounds the error of four.
+
+    Returns
+    -------
+    LoadedMode or None
+        None when the band holds no target mode, or the finger leaves none among the modes about it.
     """
     free_hz, row = touched.free.target_hz(), touched.target_row
     if free_hz is None or row is None:
@@ -354,15 +366,39 @@ def loaded_mode(touched: TouchedPlate, start: LoadedMode | None = None, slopes: 
 
 
 def known_range(touched: TouchedPlate) -> tuple[float, float]:
-    """Scaled eigenvalues between which all modes are summed."""
+    """Return the scaled eigenvalues between which all modes are summed.
+
+    Parameters
+    ----------
+    touched : TouchedPlate
+        The plate with the finger.
+
+    Returns
+    -------
+    low, high : float
+        Scaled eigenvalues of the band's ends, each times its margin.
+    """
     scale = touched.plate.scale
     low, high = (scale.eigenvalue(share * end) for share, end in zip(touched.margin, touched.band_hz, strict=True))
     return low, high
 
 
 def lattice(design: Design, touched: TouchedPlate, high_hz: float | None = None) -> Lattice:
-    """The points of all contacts that lie on the plate, clear of pillars on its touch face, for waves up to a frequency
-    (default: the band's).
+    """Lay a lattice of points whose contacts lie on the plate, clear of pillars on its touch face.
+
+    Parameters
+    ----------
+    design : Design
+        The plate.
+    touched : TouchedPlate
+        The plate with the finger, whose radius and impedance set the spacing.
+    high_hz : float, optional
+        Highest frequency of the waves in Hz; by default the band's upper end.
+
+    Returns
+    -------
+    Lattice
+        Points about the plate's centre, with the rule of a contact's mean.
     """
     radius = touched.finger.radius_m
     wavenumber = touched.finger.wavenumber_per_m(design, high_hz or touched.band_hz[1])
@@ -375,7 +411,20 @@ def lattice(design: Design, touched: TouchedPlate, high_hz: float | None = None)
 
 
 def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
-    """Memory that a map takes, B: the residual vectors of the largest group, and the receptance of all points."""
+    """Estimate the memory of a map: the residual vectors of the largest group, and the receptance of all points.
+
+    Parameters
+    ----------
+    touched : TouchedPlate
+        The plate with the finger.
+    points : Lattice
+        Points of all contacts.
+
+    Returns
+    -------
+    float
+        Memory in bytes.
+    """
     count, distinct = len(points.points_m), len(_distinct(points.points_m)[0])
     loads = [
         group.pencil.dof * (count if group.symmetries == (WHOLE,) else distinct * len(group.plates))
@@ -385,7 +434,22 @@ def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
 
 
 def lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz: float) -> ComplexArray:
-    """Charges of patches and motions of points per volt and newton, (p + q, p + q), as TouchedPlate.receptance."""
+    """Compute the receptance of the free plate between its patches and points of the touch face.
+
+    Parameters
+    ----------
+    touched : TouchedPlate
+        The plate; its finger has no effect.
+    points_m : ndarray, shape (q, 2)
+        Points of the touch face from the plate's centre.
+    frequency_hz : float
+        Frequency in Hz.
+
+    Returns
+    -------
+    ndarray, shape (p + q, p + q)
+        Charges of the p patches (C) and u_z of the points (m), per volt and per newton, complex and symmetric.
+    """
     plate, count = touched.plate, len(touched.plate.patches)
     eigenvalue = plate.scale.eigenvalue(frequency_hz)
     total = np.zeros((count + len(points_m),) * 2, dtype=complex)
@@ -398,17 +462,41 @@ def lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz
 
 
 def crest_motion(along_m: ComplexArray, normal_m: ComplexArray, frequency_hz: float) -> CrestMotion:
-    """Crest motion from amplitudes u_x and u_z (nx, ny) in m, time convention e^{+j omega t}; 0 where nothing moves."""
+    """Compute the motion of the face along x from its amplitudes, time convention e^{+j omega t}.
+
+    Parameters
+    ----------
+    along_m, normal_m : ndarray, shape (nx, ny)
+        Complex peak amplitudes of u_x and u_z on the touch face.
+    frequency_hz : float
+        Frequency in Hz.
+
+    Returns
+    -------
+    CrestMotion
+        Speeds in m/s; the crest's is 0 where u_z vanishes.
+    """
     omega, size = 2.0 * pi * frequency_hz, np.abs(normal_m)
+    # the touch face is z = 0: at its crests u_z e^{j omega t} = -|u_z|, where u_x has the speed omega Im(u_x u_z*)/|u_z|
     turning = (along_m * normal_m.conj()).imag
     crest = np.divide(turning, size, out=np.zeros_like(size), where=size > 0.0)
     return CrestMotion(np.asarray(omega * crest), np.asarray(omega * np.abs(along_m)))
 
 
 def contact_half_angle(load: float) -> float:
-    """Half of the period's angle in which skin and face touch, rad, for load = dynamic stiffness times amplitude over force.
+    """Compute half of the period's angle in which skin and face touch.
 
     The mean pressure bears the force: (sin t - t cos t)/pi = 1/load; pi up to a load of 1, where they never part.
+
+    Parameters
+    ----------
+    load : float
+        Dynamic stiffness times amplitude over force, dimensionless.
+
+    Returns
+    -------
+    float
+        The half angle t in rad, above 0 and at most pi.
     """
     if load <= 1.0:
         return pi
@@ -418,9 +506,21 @@ def contact_half_angle(load: float) -> float:
 
 
 def drive_share(load: float, lag: float = 0.0) -> float:
-    """Net shear over mu times the force, 0 to 1, of skin that slides all the time; `lag` as `CrestMotion.lag`.
+    """Compute the net shear over mu times the force, for skin that slides all the time.
 
-    Limits of a wave that travels: 2 load/pi of a soft contact, 1 from a load of pi on, where only crests touch.
+    Limits of a wave that travels: 2 load/pi of a soft contact, 1 from a load of pi upwards, where only crests touch.
+
+    Parameters
+    ----------
+    load : float
+        Dynamic stiffness times amplitude over force, dimensionless.
+    lag : float, optional
+        Angle in rad as `CrestMotion.lag`: 0 for a wave that travels, pi/2 for one that stands.
+
+    Returns
+    -------
+    float
+        Share from 0 to 1.
     """
     if load <= 1.0:
         return 2.0 * load * cos(lag) / pi
@@ -435,6 +535,7 @@ def _likeliest(problem: _Problem, row: int, low: float, high: float) -> tuple[co
     value = complex(problem.own[row])
     for _ in range(PASSES):
         matrix, slope = problem.at(value)
+        # N linearised about v, (N - v N' + mu N') x = 0, has every eigenvalue near v at once
         values, vectors = scipy.linalg.eig(matrix - value * slope, -slope)
         known = np.flatnonzero((values.real >= low) & (values.real <= high))
         if not len(known):

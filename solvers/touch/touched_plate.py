@@ -46,19 +46,49 @@ EDGE = 0.1  # of a lattice's spacing: from its outermost points to the disk's ri
 LEAST = 0.1  # of an even share: the smallest weight of a rule
 
 
-def degree_of(wavenumber_radius: float, enough: float = ENOUGH) -> int:
+def _degree_of(wavenumber_radius: float, enough: float = ENOUGH) -> int:
     """Degree of the polynomials that follow waves k on a radius R within `enough`, for k R; bounded by DEGREES."""
     low, high = DEGREES
     return next((n for n in range(low, high) if left_beyond(wavenumber_radius, n) <= enough), high)
 
 
 def left_beyond(wavenumber_radius: float, degree: int) -> float:
-    """Share of a plane wave over the disk that polynomials up to a degree miss."""
+    """Estimate the share of a plane wave over the disk that polynomials up to a degree miss.
+
+    Parameters
+    ----------
+    wavenumber_radius : float
+        Wavenumber times radius, k R, dimensionless.
+    degree : int
+        Highest degree n of the polynomials.
+
+    Returns
+    -------
+    float
+        Relative amplitude (k R / 2)^(n + 1) / (n + 1)!.
+    """
     return (wavenumber_radius / 2.0) ** (degree + 1) / factorial(degree + 1)
 
 
 def zernike(degree: int, points: FloatArray) -> FloatArray:
-    """Zernike polynomials up to a degree at points (p, 2) of the unit disk, by ascending degree, (m, p)."""
+    """Evaluate the Zernike polynomials up to a degree, orthonormal in the mean over the unit disk.
+
+    Parameters
+    ----------
+    degree : int
+        Highest degree.
+    points : ndarray, shape (p, 2)
+        Points of the unit disk.
+
+    Returns
+    -------
+    ndarray, shape (m, p)
+        Values by ascending degree, then ascending azimuthal order: sines for negative orders, cosines for the others.
+
+    References
+    ----------
+    .. [1] noll1976 (docs/references.bib)
+    """
     radius, angle = np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0])
     rows = []
     for n in range(degree + 1):
@@ -70,16 +100,41 @@ def zernike(degree: int, points: FloatArray) -> FloatArray:
 
 
 def count_of(degree: int) -> int:
-    """Number of the polynomials up to a degree."""
+    """Return the number of Zernike polynomials up to a degree.
+
+    Parameters
+    ----------
+    degree : int
+        Highest degree.
+
+    Returns
+    -------
+    int
+        The sum of degree + 1 over the degrees.
+    """
     return (degree + 1) * (degree + 2) // 2
 
 
 @cache
 def disk_means(degree: int, finer: int = 0) -> tuple[FloatArray, FloatArray]:
-    """Points (p, 2) of the unit disk and the weights (m, p) that give the means of u Z_j from u at them.
+    """Return a rule for the means of u Z_j over the unit disk from u at points.
 
-    A Gauss rule along the squared radius times even angles, exact to three times the degree and more. A mesh's field has kinks:
-    `finer` further points along each estimate the remaining error.
+    A Gauss rule along the squared radius times even angles, exact to three times the degree and more. A mesh's field
+    has kinks: `finer` further points along each estimate the remaining error.
+
+    Parameters
+    ----------
+    degree : int
+        Highest degree of the Zernike polynomials Z_j.
+    finer : int, optional
+        Further points along the radius and around.
+
+    Returns
+    -------
+    points : ndarray, shape (p, 2)
+        Points of the unit disk.
+    weights : ndarray, shape (m, p)
+        Weights that give the m means from u at the points.
     """
     along, around = max(24, 2 * degree) + finer, max(72, 4 * degree + 1) + finer
     nodes, shares = roots_legendre(along)
@@ -91,10 +146,24 @@ def disk_means(degree: int, finer: int = 0) -> tuple[FloatArray, FloatArray]:
 
 @cache
 def lattice_rule(steps: int) -> tuple[IntArray, FloatArray, float]:
-    """Lattice steps (p, 2) over a disk, weights (p,) of the mean at them, the spacing over the radius.
+    """Return a rule for the mean over a disk on the points of a square lattice.
 
-    All points of the disk, with the weights nearest to even ones that are exact to the highest degree which leaves each above
-    LEAST of an even share.
+    It has all points of the disk, and the weights nearest to even ones that are exact to a degree. The degree is the
+    highest that leaves each weight above LEAST of an even share.
+
+    Parameters
+    ----------
+    steps : int
+        Steps of the lattice from the middle to the outermost point.
+
+    Returns
+    -------
+    places : ndarray, shape (p, 2)
+        Lattice steps of the points from the middle.
+    weights : ndarray, shape (p,)
+        Weights of the mean, sum 1.
+    spacing : float
+        Spacing of the lattice relative to the radius.
     """
     each = range(-steps, steps + 1)
     places = np.array([(i, j) for i, j in product(each, each) if i * i + j * j <= steps * steps])
@@ -107,7 +176,18 @@ def lattice_rule(steps: int) -> tuple[IntArray, FloatArray, float]:
 
 
 def steps_of(wavenumber_radius: float) -> int:
-    """Steps of the lattice over a radius for the mean of a product of two waves, bounded by STEPS."""
+    """Return the steps of a map's lattice over a radius for the mean of a product of two waves.
+
+    Parameters
+    ----------
+    wavenumber_radius : float
+        Wavenumber times radius, k R, dimensionless.
+
+    Returns
+    -------
+    int
+        Steps within STEPS; the upper end may miss more than RULE_ENOUGH.
+    """
     low, high = STEPS
     needed = (n for n in range(low, high) if left_beyond(2.0 * wavenumber_radius, 2 * n - 1) <= RULE_ENOUGH)
     return next(needed, high)
@@ -177,7 +257,7 @@ class Finger:
     def following(self, design: Design, frequency_hz: float) -> Finger:
         """Return the finger with the degree that the plate's waves up to a frequency need."""
         reach = self.radius_m * self.wavenumber_per_m(design, frequency_hz)
-        return replace(self, degree=degree_of(reach))
+        return replace(self, degree=_degree_of(reach))
 
 
 class TouchedPlate(ForcedPlate):
@@ -291,14 +371,37 @@ class TouchedPlate(ForcedPlate):
 
 
 def rms(moments: ComplexArray) -> float:
-    """Root of the mean square over the contact from the moments of peak amplitudes."""
+    """Return the root of the mean square over the contact from the moments of peak amplitudes.
+
+    Parameters
+    ----------
+    moments : ndarray, shape (m,)
+        Means of u_z times each polynomial, or motions at the points of a rule times the roots of its weights.
+
+    Returns
+    -------
+    float
+        Spatial rms of the peak amplitude, in the unit of the moments.
+    """
     return float(np.linalg.norm(moments))
 
 
 def integration_error(plate: TouchedPlate, frequency_hz: float) -> float:
-    """Relative error of the motion's moments over the contact at a frequency, due to the rule of points and the polynomials.
+    """Estimate the error of the motion's moments over the contact due to the rule of points and to the polynomials.
 
     The kinks of a coarse mesh's field lie beyond every degree.
+
+    Parameters
+    ----------
+    plate : TouchedPlate
+        The plate with the finger.
+    frequency_hz : float
+        Frequency in Hz.
+
+    Returns
+    -------
+    float
+        Relative to the rms of u_z over the contact; 0 where nothing moves.
     """
     own, (points, weights) = plate.contact_motion(frequency_hz), disk_means(plate.finger.degree, FINER)
     places = np.array(plate.finger.at_m) + plate.finger.radius_m * points
@@ -324,7 +427,20 @@ def _first_loads(basis: GroupModes, kept: int) -> GroupModes:
 
 
 def with_loads(basis: GroupModes, loads: FloatArray) -> GroupModes:
-    """A group's modes with further loads (dof, more) after its own, and their residual vectors about the same middle."""
+    """Add loads to a group's modes, with their gains and their residual vectors about the same middle.
+
+    Parameters
+    ----------
+    basis : GroupModes
+        Modes of a group.
+    loads : ndarray, shape (dof, more)
+        Further loads in the scaled units of the group's own.
+
+    Returns
+    -------
+    GroupModes
+        The same modes; the further loads come after the group's own.
+    """
     count, own = len(basis.frequency_hz), basis.group.loads.shape[1]
     vectors, residuals, slopes = np.split(basis.columns, [count, count + own], axis=1)
     factor, middle = factor_near(basis.group.pencil, basis.middle, Factoriser())
@@ -369,7 +485,22 @@ class Power:
 
 
 def power(touched: TouchedPlate, frequency_hz: float, loss_tangent: float | None) -> Power:
-    """The balance at a frequency, per volt of drive squared."""
+    """Compute the power balance at a frequency, per volt of drive squared.
+
+    Parameters
+    ----------
+    touched : TouchedPlate
+        The plate with the finger.
+    frequency_hz : float
+        Frequency in Hz.
+    loss_tangent : float or None
+        Dielectric loss factor tan delta of the ceramic; None where it is unknown.
+
+    Returns
+    -------
+    Power
+        Power in, and the parts that plate, finger and dielectric dissipate.
+    """
     plate, count, omega = touched.plate, len(touched.plate.patches), 2.0 * pi * frequency_hz
     eigenvalue = plate.scale.eigenvalue(frequency_hz)
     loads = touched.volts(eigenvalue)
@@ -403,8 +534,25 @@ MESH = HexSettings(order=3, layers=0, through=2)
 
 
 def missing_flexibility(plate: AssembledPlate, beneath: StaticCorrection, finger: Finger) -> FloatArray | None:
-    """F of a finger's moments on a plate, (moments, moments) in m/N, its positive part; None where no mesh of hexahedra has
-    the panels' pillars or the factorisation is too large.
+    """Compute the static flexibility F of a finger's moments that the plate's reduced panels lack.
+
+    Parameters
+    ----------
+    plate : AssembledPlate
+        Plate of reduced panels.
+    beneath : StaticCorrection
+        Its reductions, and the store of corrections already computed.
+    finger : Finger
+        Contact on the touch face.
+
+    Returns
+    -------
+    ndarray, shape (moments, moments), or None
+        Positive part of F in m/N; None where the panels' pillars have no hexahedral mesh or the factor is too large.
+
+    References
+    ----------
+    .. [1] macneal1971 (docs/references.bib)
     """
     points, means = disk_means(finger.degree)
     contact = Contact(np.array(finger.at_m) + finger.radius_m * points, means, back=False)

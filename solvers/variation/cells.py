@@ -69,7 +69,7 @@ class CellFamily:
         columns = []
         for node in self.nodes:
             off = [axis for axis in range(4) if node[axis]]
-            if is_product(node):
+            if _is_product(node):
                 columns.append(np.prod(t[..., off], axis=-1))
                 continue
             used = [HEIGHT, SIDE] if off[0] in (HEIGHT, SIDE) else off
@@ -86,7 +86,20 @@ class CellFamily:
 
 
 def nodes_of(reach_m: FloatArray) -> tuple[Node, ...]:
-    """Nodes besides the nominal one: height and side on a grid, x and y each on its own line, then those of the products."""
+    """List the nodes of the interpolation, except the nominal one.
+
+    Height and side form a grid, x and y one line each; the nodes of the products follow.
+
+    Parameters
+    ----------
+    reach_m : ndarray, shape (4,)
+        Reach of height, side, x and y on either side; 0 where a parameter does not vary.
+
+    Returns
+    -------
+    tuple of Node
+        Reaches (-1, 0 or 1) along each parameter.
+    """
     steps = [(-1, 0, 1) if reach > 0.0 else (0,) for reach in reach_m]
     grid = [(a, b, 0, 0) for a in steps[HEIGHT] for b in steps[SIDE] if (a, b) != (0, 0)]
     lines: list[Node] = [(0, 0, a, 0) for a in steps[X] if a]
@@ -96,7 +109,7 @@ def nodes_of(reach_m: FloatArray) -> tuple[Node, ...]:
     return (*grid, *lines, *(_node(pair) for pair in pairs))
 
 
-def is_product(node: Node) -> bool:
+def _is_product(node: Node) -> bool:
     """Whether a node stands for the product of two parameters, one of them a place of the foot."""
     return sum(map(bool, node)) == 2 and bool(node[X] or node[Y])
 
@@ -110,10 +123,30 @@ def _node(ones: Sequence[int]) -> Node:
 def cell_family(
     reductions: Reductions, panel: Panel, reach_m: FloatArray, coarser: Coarser | None = None
 ) -> CellFamily:
-    """Reduce a panel at every node. SolverError for a pillar that cannot grow as a whole, MeshError for one that reaches out of
-    its panel.
+    """Reduce a panel with a pillar at every node of the interpolation.
 
-    `coarser` corrects the nominal cell's discretisation error; its small change with the pillar is neglected.
+    Parameters
+    ----------
+    reductions : Reductions
+        Materials and settings of the plate's reductions.
+    panel : Panel
+        Panel with a foot.
+    reach_m : ndarray, shape (4,)
+        Reach of height, side, x and y on either side of the nominal pillar.
+    coarser : callable, optional
+        Corrects the nominal cell's discretisation error; its small change with the pillar is neglected.
+
+    Returns
+    -------
+    CellFamily
+        The nominal cell, its changes at the nodes, and the error of the interpolation at `checked_m`.
+
+    Raises
+    ------
+    SolverError
+        If the pillar cannot grow as a whole.
+    MeshError
+        If a varied pillar reaches out of its panel.
     """
     pillar = reductions.pillar_of(panel)
     if pillar is None or not pillar.is_plain or panel.foot is None:
@@ -155,7 +188,7 @@ class _Sampler:
         A foot moved back is the mirror image of one moved on.
         """
         height, side, x, y = node
-        if is_product(node):
+        if _is_product(node):
             alone = [before[_node([axis])] for axis in range(4) if node[axis]]
             both = self._difference(node, reach_m)
             return both[0] - alone[0][0] - alone[1][0], both[1] - alone[0][1] - alone[1][1]

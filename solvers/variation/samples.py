@@ -23,7 +23,7 @@ from solvers.variation.cells import CellFamily
 # -- plate on few motions ----------------------------------------------------------------------------------------------
 # A driven plate on few motions: its modes about the band and its answers to the loads, for changed K and M.
 # Rayleigh-Ritz: frequencies err by the square of the part of a changed plate's mode outside those motions, fields by
-# that itself; shapes that the changes bring (`derivative_shapes`) make both small. The response follows by
+# that itself; shapes that the changes bring (`_derivative_shapes`) make both small. The response follows by
 # superposition.
 
 SAME = 1e-10  # of the largest: directions that are combinations of the others
@@ -39,7 +39,7 @@ class PlateSpace:
     def __init__(self, forced: ForcedPlate, shapes: Sequence[FloatArray] | None = None) -> None:
         more = shapes or [np.zeros((len(basis.columns), 0)) for basis in forced.all_modes]
         raw = list(zip(forced.all_modes, more, strict=True))
-        self.forced, self.bases = forced, [orthonormal(basis, own) for basis, own in raw]
+        self.forced, self.bases = forced, [_orthonormal(basis, own) for basis, own in raw]
         self.starts = np.cumsum([0, *(basis.columns.shape[1] for basis in self.bases)])
         self.size = int(self.starts[-1])
         place = forced.target_place()
@@ -83,7 +83,7 @@ class PlateSpace:
         return ChangedPlate(self.forced, values, vectors.T @ self.loads, grams[0], grams[1], alike, share)
 
 
-def orthonormal(basis: GroupModes, more: FloatArray) -> GroupModes:
+def _orthonormal(basis: GroupModes, more: FloatArray) -> GroupModes:
     """The basis with M-orthonormal columns: modes stay as they are, answers to the loads and `more` (dof, k) become what they
     add to them.
 
@@ -194,24 +194,12 @@ LEFT = 1e-4  # of the target mode: a field that the shapes left out may add up t
 Pulls = list[tuple[int, FloatArray]]
 
 
-def derivative_shapes(
+def _derivative_shapes(
     forced: ForcedPlate, families: Mapping[Signature, CellFamily], deviations: float
 ) -> list[FloatArray]:
-    """Answers of every group of the plate, (dof, k) each, to changes of each pillar by one standard deviation.
+    """Answers of every group, (dof, k) each, to a change of each pillar by one standard deviation.
 
-    Parameters
-    ----------
-    forced : ForcedPlate
-        The nominal plate; none of the groups has any where the band holds no target mode.
-    families : mapping
-        Cells as functions of their pillars.
-    deviations : float
-        Standard deviations that a family reaches to.
-
-    Returns
-    -------
-    list of ndarray
-        One array a group of `forced.all_modes`.
+    Families reach to this number of `deviations`. There are no answers where the band holds no target mode.
     """
     place = forced.target_place()
     if place is None:
@@ -330,7 +318,7 @@ class VariedPlate:
 
     def __init__(self, forced: ForcedPlate, families: Mapping[Signature, CellFamily]) -> None:
         self.forced = forced
-        self.space = PlateSpace(forced, derivative_shapes(forced, families, CUT))
+        self.space = PlateSpace(forced, _derivative_shapes(forced, families, CUT))
         self.pillars, self._kinds = self._placed(families)
 
     def sample(self, change_m: FloatArray, within_hz: tuple[float, float] | None = None) -> ChangedPlate:
@@ -430,6 +418,17 @@ class Spread:
 
 
 def spread(values: FloatArray) -> Spread:
-    """Statistics of at least one value; a single one has no standard deviation."""
+    """Compute mean, standard deviation and extremes of a figure.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        At least one value, of any unit.
+
+    Returns
+    -------
+    Spread
+        In the unit of the values; a single one has no standard deviation.
+    """
     deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
     return Spread(float(np.mean(values)), deviation, float(np.min(values)), float(np.max(values)))

@@ -34,7 +34,22 @@ class PeriodicNodes:
 def periodic_nodes(mesh: AnyMesh, lattice: Lattice) -> PeriodicNodes:
     """Pair the nodes on x+ with x-, y+ with y- of the row below, shifted or not.
 
-    Raises MeshError when opposite faces do not match node for node.
+    Parameters
+    ----------
+    mesh : AnyMesh
+        Mesh of one cell with faces x- to y+, coordinates in m.
+    lattice : Lattice
+        Lattice vectors of the cell.
+
+    Returns
+    -------
+    PeriodicNodes
+        Master of every node; a node that is not on x+ or y+ is its own.
+
+    Raises
+    ------
+    MeshError
+        If opposite faces do not match node for node.
     """
     low, allowed = mesh.nodes.min(axis=0), MATCH * min(lattice.cell_m)
     offset = np.zeros((len(mesh.nodes), 2), dtype=np.int64)

@@ -67,9 +67,21 @@ class Branches:
 
 
 def follow(solved: Solved, wavevectors: FloatArray) -> Branches:
-    """Number the waves at successive wavevectors (n, 2) so that a branch keeps its number across crossings.
+    """Number the waves at successive wavevectors so that a branch keeps its number across crossings.
 
     A branch that leaves the waves computed loses its number, one that enters gets a new one.
+
+    Parameters
+    ----------
+    solved : Solved
+        Waves of the lattice; further wavevectors are solved where a step must be halved.
+    wavevectors : ndarray, shape (n, 2)
+        Path in rad/m, at least two different wavevectors.
+
+    Returns
+    -------
+    Branches
+        Waves at each wavevector, some more than `solved.count`, and their branch numbers.
     """
     lattice = solved.lattice
     kept: list[Waves] = []
@@ -89,12 +101,44 @@ def follow(solved: Solved, wavevectors: FloatArray) -> Branches:
 
 
 def modal_overlap(lattice: ReducedLattice, one: Waves, two: Waves) -> FloatArray:
-    """|u_i^H M v_j|^2 on the cell, (n, m)."""
+    """Compute the modal assurance criterion |u_i^H M v_j|^2 of waves on the cell.
+
+    Parameters
+    ----------
+    lattice : ReducedLattice
+        Lattice of the waves.
+    one, two : Waves
+        Waves at two wavevectors, n and m.
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+        1 for equal waves, 0 for M-orthogonal ones.
+
+    References
+    ----------
+    .. [1] allemang2003 (docs/references.bib)
+    """
     return np.asarray(np.abs(one.dofs.conj().T @ times(lattice.cell.mass, two.dofs)) ** 2)
 
 
 def one_sided(lattice: ReducedLattice, waves: Waves, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Slopes d lambda / d s of the sorted bands along a direction (2,), beyond the wavevector and before it, (n,) each."""
+    """Compute slopes d lambda / d s of the sorted bands along a direction, beyond the wavevector and before it.
+
+    Parameters
+    ----------
+    lattice : ReducedLattice
+        Lattice of the waves.
+    waves : Waves
+        Waves at the wavevector.
+    direction : ndarray, shape (2,)
+        Change of the wavevector in rad/m per unit of s; its length scales the slopes.
+
+    Returns
+    -------
+    beyond, before : ndarray, shape (n,)
+        Slopes of scaled eigenvalues towards larger and from smaller s, which differ where bands cross.
+    """
     slope = np.tensordot(direction, lattice.slopes(waves), axes=1)
     beyond, before = np.empty(len(slope)), np.empty(len(slope))
     for group in degenerate(waves.eigenvalue, lattice.rounding):
@@ -104,7 +148,26 @@ def one_sided(lattice: ReducedLattice, waves: Waves, direction: FloatArray) -> t
 
 
 def turned(lattice: ReducedLattice, waves: Waves, direction: FloatArray, neighbour: Waves) -> Waves:
-    """Degenerate waves turned into those with a slope each along a direction; of equal slopes, towards the neighbour's."""
+    """Turn degenerate waves into those with a slope each along a direction.
+
+    Those with equal slopes turn towards the neighbour's waves.
+
+    Parameters
+    ----------
+    lattice : ReducedLattice
+        Lattice of the waves.
+    waves : Waves
+        Waves at the wavevector.
+    direction : ndarray, shape (2,)
+        Direction in the plane of wavevectors, of any length above 0.
+    neighbour : Waves
+        Waves at a wavevector near by along the direction, on either side.
+
+    Returns
+    -------
+    Waves
+        Waves with the same eigenvalues; the same object if none are degenerate.
+    """
     several = [group for group in degenerate(waves.eigenvalue, lattice.rounding) if group.stop - group.start > 1]
     if not several:
         return waves
@@ -200,12 +263,27 @@ class Label:
 def label_of(
     cells: Cell | Periodic, dofs: ComplexArray, wavevector: ComplexArray, with_pillars: bool = False
 ) -> list[Label]:
-    """Labels of waves with the cells' degrees of freedom (dof, n) at wavevectors (2, n) in rad/m, complex where they decay.
+    """Label waves by their polarisation.
 
-    Flexural: <|u_z|^2> above a quarter of <|u|^2> (pillars on one face mix in-plane motion into every wave), means
-    through the thickness and along the boundary lines. Else longitudinal
-    when the plane wave exp(i (k + G).r) that u resembles most has u || k + G, else shear; at k = 0 give a short
-    vector for the direction meant. "pillar" with `with_pillars` where the pillar has over half of the kinetic energy.
+    Let u be the mean through the thickness and <> the mean along the boundary lines. Flexural: <|u_z|^2> above a quarter
+    of <|u|^2>, since pillars on one face mix in-plane motion into every wave. Else longitudinal when the plane wave
+    exp(i (k + G).r) that u resembles most has u || k + G, else shear.
+
+    Parameters
+    ----------
+    cells : Cell or Periodic
+        Cells of one lattice period.
+    dofs : ndarray, shape (dof, n)
+        The cells' degrees of freedom in each wave.
+    wavevector : ndarray, shape (2, n)
+        Wavevectors in rad/m, complex where waves decay; at k = 0 a short vector for the direction meant.
+    with_pillars : bool, optional
+        Name a wave "pillar" where the pillar has over half of the kinetic energy.
+
+    Returns
+    -------
+    list of Label
+        One label per wave, with its shares.
     """
     of = cells if isinstance(cells, Periodic) else Periodic([cells])
     points, weights, motion = _line_motion(of, dofs)
@@ -219,7 +297,20 @@ def label_of(
 
 
 def is_flexural(cells: Periodic, dofs: ComplexArray) -> BoolArray:
-    """Mask of the waves that `label_of` calls flexural, (n,)."""
+    """Mask of the waves that `label_of` calls flexural.
+
+    Parameters
+    ----------
+    cells : Periodic
+        Cells of one lattice period.
+    dofs : ndarray, shape (dof, n)
+        The cells' degrees of freedom in each wave.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        True where u_z has over a quarter of the mean square of the thickness-mean motion on the boundary lines.
+    """
     _, weights, motion = _line_motion(cells, dofs)
     return np.asarray(_flexural(weights, motion) > FELT)
 
@@ -230,7 +321,20 @@ def _flexural(weights: FloatArray, motion: ComplexArray) -> FloatArray:
 
 
 def pillar_share(cells: Periodic, dofs: ComplexArray) -> FloatArray:
-    """The pillars' share of the kinetic energy, u^H M_pillar u / u^H M u, (n,)."""
+    """Compute the pillars' share of the kinetic energy, u^H M_pillar u / u^H M u.
+
+    Parameters
+    ----------
+    cells : Periodic
+        Cells of one lattice period.
+    dofs : ndarray, shape (dof, n)
+        The cells' degrees of freedom in each wave, of any size.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Shares from 0 to 1.
+    """
     part, whole = (
         sum(np.einsum("ik,ik->k", own.conj(), getattr(cell, name) @ own).real for cell, own in cells.parts(dofs))
         for name in ("pillar_mass", "mass")
@@ -258,7 +362,20 @@ def _line_motion(cells: Periodic, dofs: ComplexArray) -> tuple[FloatArray, Float
 
 
 def line_gram(face: Interface, size: tuple[float, float] = (1.0, 1.0)) -> FloatArray:
-    """The mean along the sides of a cell so wide and deep of the products of boundary functions of layer 0, (m, m)."""
+    """Average the products of boundary functions of layer 0 along the sides of a cell.
+
+    Parameters
+    ----------
+    face : Interface
+        Degrees of the boundary functions.
+    size : tuple of float, optional
+        Edges of the cell along x and y; their ratio alone matters.
+
+    Returns
+    -------
+    ndarray, shape (m, m)
+        Means of products of the m = count / (3 layers) scalar functions.
+    """
     _, weights, values = _lines(face, size)
     return np.asarray(values.T @ (weights[:, None] * values))
 

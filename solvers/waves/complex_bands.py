@@ -264,12 +264,24 @@ class Scattering:
 
 
 def chain(rows: Iterable[RowStiffness]) -> RowStiffness:
-    """Dynamic stiffness of one or more rows that may differ between the outermost edges, the first one lowest."""
+    """Join rows, which may differ, into one stack.
+
+    Parameters
+    ----------
+    rows : iterable of RowStiffness
+        At least one row at the same frequency, the lowest first.
+
+    Returns
+    -------
+    RowStiffness
+        Dynamic stiffness between the lower edge of the first row and the upper edge of the last.
+    """
     return reduce(_joined, rows)
 
 
 def _joined(lower: RowStiffness, upper: RowStiffness) -> RowStiffness:
     """Two stacks sharing an edge, which carries no outer force."""
+    # forces on the shared edge balance: (tt + bb) q = -(tb q_below + bt q_above)
     middle = lower.tt + upper.bb
     follow = np.linalg.solve(middle, np.hstack([lower.tb, upper.bt]))
     m = len(middle)
@@ -278,10 +290,35 @@ def _joined(lower: RowStiffness, upper: RowStiffness) -> RowStiffness:
 
 
 def scatter(rows: RowStiffness, half: RowWaves, sign: FloatArray, incoming: int) -> Scattering:
-    """A wave of the lower half-plate, index `incoming`, meets the rows; the same plate goes on above them.
+    """Scatter a wave of the lower half-plate at rows above which the same plate goes on.
 
     The unknowns are r, t of q_0 = phi + S Phi r and q_N = Phi t: -f_phi + S F r + D_bb q_0 + D_bt q_N = 0,
-    D_tb q_0 + D_tt q_N + F t = 0. Raises SolverError when the incoming wave does not propagate.
+    D_tb q_0 + D_tt q_N + F t = 0.
+
+    Parameters
+    ----------
+    rows : RowStiffness
+        Dynamic stiffness of the rows between their outermost edges.
+    half : RowWaves
+        All waves towards +y of the plate without pillars, at the same frequency and wavenumber along x.
+    sign : ndarray, shape (m,)
+        Signs S of an edge's degrees of freedom under the mirror y -> -y.
+    incoming : int
+        Index of the incoming wave phi in `half`.
+
+    Returns
+    -------
+    Scattering
+        Shares of the incoming power in the propagating waves, in their order in `half`.
+
+    Raises
+    ------
+    SolverError
+        If the incoming wave does not propagate.
+
+    References
+    ----------
+    .. [1] mace2005 (docs/references.bib)
     """
     if not half.flux[incoming] > 0.0:
         raise SolverError("the incoming wave carries no energy: choose a frequency above its cut-off")

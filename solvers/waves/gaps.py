@@ -103,7 +103,22 @@ class Line:
 
 
 def cubic_top(at: FloatArray, value: FloatArray, beyond: FloatArray, before: FloatArray) -> FloatArray:
-    """Largest value inside each interval of the cubics through values (m,) and slopes beyond and before them, (m - 1,)."""
+    """Largest value inside each interval of the cubic through values and slopes at its ends.
+
+    Parameters
+    ----------
+    at : ndarray, shape (m,)
+        Places of the samples, ascending.
+    value : ndarray, shape (m,)
+        Values there.
+    beyond, before : ndarray, shape (m,)
+        Slopes towards the next sample and from the previous one.
+
+    Returns
+    -------
+    ndarray, shape (m - 1,)
+        Maximum over points strictly inside each interval, in the unit of the values.
+    """
     step = np.diff(at)[:, None]
     t = INSIDE[None]
     low, high = value[:-1, None], value[1:, None]
@@ -113,7 +128,22 @@ def cubic_top(at: FloatArray, value: FloatArray, beyond: FloatArray, before: Flo
 
 
 def tent_top(at: FloatArray, value: FloatArray, beyond: FloatArray, before: FloatArray) -> FloatArray:
-    """Intersection of the tangents from both ends of each interval: the top of a crossing, above any concave arc, (m - 1,)."""
+    """Intersect the tangents from both ends of each interval: the top of a crossing, above any concave arc.
+
+    Parameters
+    ----------
+    at : ndarray, shape (m,)
+        Places of the samples, ascending.
+    value : ndarray, shape (m,)
+        Values there.
+    beyond, before : ndarray, shape (m,)
+        Slopes towards the next sample and from the previous one.
+
+    Returns
+    -------
+    ndarray, shape (m - 1,)
+        Values at the intersections; -inf unless the slopes rise from the left and fall to the right.
+    """
     step, up, down = np.diff(at), beyond[:-1], -before[1:]
     rising = (up > 0.0) & (down > 0.0)
     share = (value[1:] - value[:-1] + down * step) / np.where(rising, up + down, 1.0)
@@ -121,7 +151,26 @@ def tent_top(at: FloatArray, value: FloatArray, beyond: FloatArray, before: Floa
 
 
 def zone_extreme(solved: Solved, grid: FloatArray, eigenvalue: FloatArray, band: int, sign: int) -> Extreme:
-    """The extreme of a sorted band (from 0) over the zone, from scaled eigenvalues (n, bands) on a grid (n, 2) in rad/m."""
+    """Search the extreme of a sorted band over the zone, with the gradient, from the best points of a grid.
+
+    Parameters
+    ----------
+    solved : Solved
+        Waves of the lattice.
+    grid : ndarray, shape (n, 2)
+        Wavevectors in rad/m.
+    eigenvalue : ndarray, shape (n, bands)
+        Scaled eigenvalues on the grid.
+    band : int
+        Number of the band, from 0.
+    sign : int
+        1 for the largest frequency, -1 for the smallest.
+
+    Returns
+    -------
+    Extreme
+        Frequency and wavevector, at least as extreme as the best grid point.
+    """
     lattice, value = solved.lattice, eigenvalue[:, band]
     edge = np.pi / np.array(lattice.cell.size_m[:2])
     scale = float(np.abs(value).max()) or 1.0
@@ -192,25 +241,75 @@ class BrillouinZoneGap(Gap):
 
 
 def complete_gaps(frequencies_hz: FloatArray) -> list[Gap]:
-    """Gaps of bands (wavevectors, bands), ascending at each wavevector: max of band n < min of band n + 1."""
+    """Find the gaps of sampled bands: max of band n < min of band n + 1.
+
+    Parameters
+    ----------
+    frequencies_hz : ndarray, shape (wavevectors, bands)
+        Frequencies in Hz, ascending at each wavevector.
+
+    Returns
+    -------
+    list of Gap
+        Gaps wider than SMALLEST relative to their upper edge, ascending.
+    """
     top, bottom = frequencies_hz.max(axis=0), frequencies_hz.min(axis=0)
     openings = np.flatnonzero(bottom[1:] - top[:-1] > SMALLEST * bottom[1:])
     return [Gap(int(n) + 1, int(n) + 2, float(top[n]), float(bottom[n + 1])) for n in openings]
 
 
 def path_lines(solved: Solved, path: Path) -> list[Line]:
-    """The path's segments with their bands."""
+    """Return the segments of a path with their bands and slopes.
+
+    Parameters
+    ----------
+    solved : Solved
+        Waves of the lattice.
+    path : Path
+        Wavevectors with their labelled points.
+
+    Returns
+    -------
+    list of Line
+        One line per segment, in the path's order.
+    """
     return [Line.of_waves(solved, path.wavevectors[segment.first : segment.last + 1]) for segment in path.segments]
 
 
 def sampled_lines(solve: Solve, path: Path, frequency_hz: FloatArray) -> list[Line]:
-    """The path's segments with bands (n, bands) in Hz that `solve` gives at a wavevector."""
+    """Return the segments of a path with bands known by their frequencies alone.
+
+    Parameters
+    ----------
+    solve : callable
+        Frequencies (bands,) in Hz at a wavevector (2,) in rad/m.
+    path : Path
+        Wavevectors with their labelled points.
+    frequency_hz : ndarray, shape (n, bands)
+        Frequencies at the path's wavevectors.
+
+    Returns
+    -------
+    list of Line
+        One line per segment, in the path's order.
+    """
     parts = [slice(segment.first, segment.last + 1) for segment in path.segments]
     return [Line.of_samples(solve, path.wavevectors[part], frequency_hz[part]) for part in parts]
 
 
 def path_gaps(lines: list[Line]) -> list[Gap]:
-    """Complete gaps along a path, their edges found between the samples too."""
+    """Find the complete gaps along a path, their edges searched between the samples, too.
+
+    Parameters
+    ----------
+    lines : list of Line
+        Segments that a gap must span.
+
+    Returns
+    -------
+    list of Gap
+        Gaps wider than SMALLEST relative to their upper edge, ascending.
+    """
     gaps = []
     for band in range(lines[0].value.shape[1] - 1):
         if not _may_open([line.value for line in lines], band):
@@ -223,7 +322,20 @@ def path_gaps(lines: list[Line]) -> list[Gap]:
 
 
 def directional_gaps(path: Path, lines: list[Line]) -> list[DirectionalGap]:
-    """Directional gaps: those of each segment alone, the first segment's first."""
+    """Find the gaps of each segment of a path alone.
+
+    Parameters
+    ----------
+    path : Path
+        Path that names the segments.
+    lines : list of Line
+        Its segments.
+
+    Returns
+    -------
+    list of DirectionalGap
+        Gaps of the first segment first, each segment's ascending.
+    """
     gaps = []
     for segment, line in zip(path.segments, lines, strict=True):
         gaps += [DirectionalGap(**vars(gap), start=segment.start, end=segment.end) for gap in path_gaps([line])]
@@ -231,7 +343,20 @@ def directional_gaps(path: Path, lines: list[Line]) -> list[DirectionalGap]:
 
 
 def zone_gaps(along: list[Gap], extreme: Callable[[int, int], Extreme]) -> list[BrillouinZoneGap]:
-    """Gaps of the path that span the whole zone, from the largest (sign 1) or smallest frequency of a band there."""
+    """Select the gaps of a path that span the whole zone, with their edges there.
+
+    Parameters
+    ----------
+    along : list of Gap
+        Gaps along the path.
+    extreme : callable
+        Extreme of a band (from 0) over the zone: its largest frequency for sign 1, its smallest for -1.
+
+    Returns
+    -------
+    list of BrillouinZoneGap
+        Gaps that stay open, in the path's order.
+    """
     gaps = []
     for gap in along:
         lower, upper = extreme(gap.lower_band - 1, 1), extreme(gap.upper_band - 1, -1)
@@ -241,7 +366,24 @@ def zone_gaps(along: list[Gap], extreme: Callable[[int, int], Extreme]) -> list[
 
 
 def sampled_extreme(wavevectors: FloatArray, frequencies_hz: FloatArray, band: int, sign: int) -> Extreme:
-    """The extreme of a band among frequencies (n, bands) at wavevectors (n, 2)."""
+    """Find the extreme of a band among its samples.
+
+    Parameters
+    ----------
+    wavevectors : ndarray, shape (n, 2)
+        Wavevectors in rad/m.
+    frequencies_hz : ndarray, shape (n, bands)
+        Frequencies there in Hz.
+    band : int
+        Number of the band, from 0.
+    sign : int
+        1 for the largest frequency, -1 for the smallest.
+
+    Returns
+    -------
+    Extreme
+        Frequency and wavevector of the best sample.
+    """
     best = int(np.argmax(sign * frequencies_hz[:, band]))
     return Extreme(float(frequencies_hz[best, band]), wavevectors[best])
 
@@ -249,7 +391,26 @@ def sampled_extreme(wavevectors: FloatArray, frequencies_hz: FloatArray, band: i
 def searched_extreme(
     solve: Solve, wavevectors: FloatArray, frequencies_hz: FloatArray, band: int, sign: int
 ) -> Extreme:
-    """The extreme of a band, searched from the best of its samples (n, bands) at wavevectors (n, 2) without a gradient."""
+    """Search the extreme of a band from the best of its samples, without a gradient.
+
+    Parameters
+    ----------
+    solve : callable
+        Frequencies (bands,) in Hz at a wavevector (2,) in rad/m.
+    wavevectors : ndarray, shape (n, 2)
+        Wavevectors of the samples in rad/m.
+    frequencies_hz : ndarray, shape (n, bands)
+        Frequencies there in Hz.
+    band : int
+        Number of the band, from 0.
+    sign : int
+        1 for the largest frequency, -1 for the smallest.
+
+    Returns
+    -------
+    Extreme
+        Frequency and wavevector, at least as extreme as the best sample.
+    """
     from scipy.optimize import minimize  # slow to import
 
     best = sampled_extreme(wavevectors, frequencies_hz, band, sign)
@@ -295,7 +456,20 @@ class PolarisationGap:
 
 
 def labels_along(solved: Solved, branches: Branches) -> list[list[Label]]:
-    """Labels of every wave at every wavevector, with pillars; at k = 0 for the direction of the path."""
+    """Label every wave at every wavevector, with pillars; at k = 0 for the direction of the path.
+
+    Parameters
+    ----------
+    solved : Solved
+        Waves of the lattice.
+    branches : Branches
+        Waves along a path.
+
+    Returns
+    -------
+    list of list of Label
+        Labels of the waves at each wavevector.
+    """
     vectors = np.array([waves.wavevector for waves in branches.waves])
     labels = []
     for index, waves in enumerate(branches.waves):
@@ -306,7 +480,22 @@ def labels_along(solved: Solved, branches: Branches) -> list[list[Label]]:
 
 
 def polarisation_gaps(solved: Solved, branches: Branches, labels: list[list[Label]]) -> list[PolarisationGap]:
-    """Gaps of each polarisation that has waves below and above them, within the requested bands."""
+    """Find the gaps of each polarisation that has waves below and above them, within the requested bands.
+
+    Parameters
+    ----------
+    solved : Solved
+        Waves of the lattice, solved further where an edge lies between samples.
+    branches : Branches
+        Waves along a path.
+    labels : list of list of Label
+        Labels of these waves, as of `labels_along`.
+
+    Returns
+    -------
+    list of PolarisationGap
+        Gaps wider than SMALLEST relative to their upper edge: flexural ones, then shear, then longitudinal.
+    """
     ceiling = min(float(waves.eigenvalue[solved.count - 1]) for waves in branches.waves)
     gaps = []
     for name in ("flexural", "shear", "longitudinal"):

@@ -6,8 +6,7 @@ The commit's files are put into a temporary folder and run there, in alternation
 folder of its own, so that nothing comes from a cache. `main job` is `antinode run rows`, `grid` the study of 54 plates: they
 take minutes, the other tasks seconds, which are run unless tasks are named; `response, nine patches` wants a later --commit.
 Processor seconds are those of all processes a command starts, wall seconds those until it ends, memory that of the largest
-process, each the median of the repeats. --write puts the rows into docs/verification.md, without the wall seconds, which are
-those of one machine's cores.
+process, each the median of the repeats. --write puts seconds and memory into docs/verification.md.
 """
 
 from __future__ import annotations
@@ -44,8 +43,8 @@ LONG = ("main job", "grid")
 LATER = ("response, nine patches",)  # the default commit has no such case
 LEAD = """\
 Written by `python -m studies.benchmarks.before_after --write`: processor seconds of whole commands with an empty cache, at
-commit {commit} and now, one run each, and the memory of the largest process. Shares are those of the time now, profiled in
-one thread."""
+commit {commit} and now, one run each, and the memory of the largest process. The command also prints wall seconds and the
+shares of factorisation, solves and other work."""
 # by the name of a function, or of its file
 SHARES = {
     "factorisation": ("method 'factor' of 'rslab", "analyze_ldlt", "lower_triangle", "splu", "gstrf"),
@@ -99,9 +98,10 @@ def main(arguments: list[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     if unknown := set(given.tasks) - TASKS.keys():
         parser.error(f"unknown task {', '.join(sorted(unknown))}: must be of {', '.join(TASKS)}")
-    columns = ("task", "before, s", "after, s", "ratio", "peak, MB", *(f"{name}, %" for name in (*SHARES, "rest")))
-    head, rows = _head(columns), {}
-    print(_head((*columns, "wall before, s", "wall after, s", "wall ratio")), flush=True)
+    columns = ("task", "before, s", "after, s", "ratio", "peak, MB")
+    rows: dict[str, str] = {}
+    more = (*(f"{name}, %" for name in (*SHARES, "rest")), "wall before, s", "wall after, s", "wall ratio")
+    print(_head((*columns, *more)), flush=True)
     with checkout(given.commit) as earlier:
         for name in given.tasks or [each for each in TASKS if each not in LONG + LATER]:
             pairs = [
@@ -115,10 +115,10 @@ def main(arguments: list[str] | None = None) -> None:
             spent = [f"{100 * part:.0f}" for part in shares(TASKS[name]).values()] if name not in LONG else []
             spent = spent or ["-"] * (len(SHARES) + 1)
             memory = f"{peak[1] / 1e6:.0f}"
-            rows[name] = f"| {' | '.join((name, *_beside(*seconds), memory, *spent))} |"
-            print(rows[name], " | ".join(_beside(*wall)), "|", flush=True)
+            rows[name] = f"| {' | '.join((name, *_beside(*seconds), memory))} |"
+            print(rows[name], " | ".join((*spent, *_beside(*wall))), "|", flush=True)
     if given.write:
-        lead = f"{LEAD.format(commit=given.commit)}\n\n{head}"
+        lead = f"{LEAD.format(commit=given.commit)}\n\n{_head(columns)}"
         write_atomic(verification.PAGE, verification.with_speed(verification.PAGE.read_text(), rows, lead).encode())
 
 

@@ -1,6 +1,6 @@
 """Comparison of every figure of the commands' JSON documents with an earlier commit of this repository.
 
-    python -m studies.benchmarks.unmoved --commit COMMIT [COMMAND ...]
+    python -m studies.benchmarks.unmoved --commit COMMIT [--renamed OLD=NEW ...] [COMMAND ...]
 
 Each command runs here and in that commit's files, on a small case each, with caches of its own; the figures in both documents
 are compared. A figure is unmoved within 1e-9 of the largest of its name. Exit code 4 where one has moved or is gone.
@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +76,21 @@ def document(root: Path, command: str) -> dict[str, Any]:
         return found
 
 
+def renamed(value: Any, names: Mapping[str, str]) -> Any:
+    """A document with parts of its keys replaced by the names that they have since."""
+    if isinstance(value, list):
+        return [renamed(each, names) for each in value]
+    if not isinstance(value, dict):
+        return value
+    return {_renamed(key, names): renamed(each, names) for key, each in value.items()}
+
+
+def _renamed(key: str, names: Mapping[str, str]) -> str:
+    for old, new in names.items():
+        key = key.replace(old, new)
+    return key
+
+
 def figures(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
     """Every number and word of a document by its place; nothing for null."""
     if isinstance(value, dict):
@@ -110,14 +125,19 @@ def main(words: list[str] | None = None) -> int:
     """Print one line per command, then the figures that have moved."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--commit", required=True)
+    parser.add_argument(
+        "--renamed", action="append", default=[], metavar="OLD=NEW", help="part of a key, renamed since"
+    )
     parser.add_argument("tasks", nargs="*", metavar="COMMAND", help=", ".join(TASKS))
     given = parser.parse_args(words)
     if unknown := set(given.tasks) - TASKS.keys():
         parser.error(f"unknown: {', '.join(sorted(unknown))}: must be of {', '.join(TASKS)}")
+    names = dict(each.split("=", 1) for each in given.renamed)
     faults = 0
     with checkout(given.commit) as earlier:
         for name in given.tasks or TASKS:
-            count, lines = moved(*(document(root, TASKS[name]) for root in (earlier, ROOT)))
+            before, after = (document(root, TASKS[name]) for root in (earlier, ROOT))
+            count, lines = moved(renamed(before, names), after)
             print(f"{name}: {count} figures, {len(lines)} moved or gone", flush=True)
             print("".join(f"  {line}\n" for line in lines[:20]), end="")
             faults += len(lines)

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import antinode
+from antinode import ANSWERS
 from pipeline.models import parametric
 from pipeline.models.parametric import CellModel
 from pipeline.questions import registered
@@ -92,6 +93,12 @@ def test_every_public_name_has_an_example_with_its_result(name: str) -> None:
 def test_every_computation_of_a_plate_has_an_example_with_its_result_and_names_its_units(name: str) -> None:
     method = getattr(antinode.Plate, name)
     assert has_a_result(method) and re.search(r"Hz|dB|mm|units|keys", inspect.getdoc(method) or "")
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_every_property_of_a_result_says_what_it_holds(name: str) -> None:
+    held = inspect.getmembers(getattr(antinode, name), lambda each: isinstance(each, property))
+    assert not [each for each, own in held if each[0] != "_" and own.__doc__ in (None, "", type(own).__doc__)]
 
 
 @pytest.mark.parametrize("module", HOMES)

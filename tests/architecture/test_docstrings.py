@@ -28,8 +28,9 @@ UNIT_NAME = re.compile(
 )
 UNIT = re.compile(
     r"\b(metres?|mm|µm|um|m|m\^?[234]|Hz|kHz|rad(/[sm])?|radians?|Pa|GPa|kg(/\w+)?|s|seconds?|N(/\w+)?|V|volts?|dB|degrees?"
-    r"|bytes|GiB|dimensionless|relative(ly)?|ratios?|fractions?|factors?|shares?|scaled|normalised|pixels?|counts?|numbers?)\b"
-    r"|[Uu]nits?\b|\b(per|times)\b|1/\w|%|/m|\d"
+    r"|W|mW|bytes|GiB|dimensionless|relative(ly)?|ratios?|fractions?|factors?|shares?|scaled|normalised|pixels?|counts?|numbers?)\b"
+    r"|units?\b|\b(per|times)\b|1/\w|%|/m|\d",
+    re.IGNORECASE,
 )
 NUMBER, ARRAY = re.compile(r"\b(float|complex)\b"), re.compile(r"array", re.IGNORECASE)
 SHAPE = re.compile(r"\(\s*[\w.+*/ ]+,|shape|\bscalar\b")
@@ -56,7 +57,7 @@ def names() -> Iterator[str]:
             continue
         yield (whole := f"{thing.__module__}.{thing.__qualname__}")
         if inspect.isclass(thing):
-            yield from (f"{whole}.{each}" for each, own in vars(thing).items() if _is_method(thing, each, own))
+            yield from (f"{whole}.{each}" for each in vars(thing) if _is_method(thing, each, getattr(thing, each)))
 
 
 def _is_method(owner: type, name: str, own: Any) -> bool:

@@ -84,14 +84,18 @@ def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatc
     }
     empty: dict[str, Any] = dict.fromkeys(("force_N", "gap_m", "mode", "loop", "map"))
     touch = TouchResult(**texts, **numbers, **empty)
-    record = SimpleNamespace(sweep={"array.rows": 2, "touch.impedance": "light"}, of=lambda kind: touch)
+    records = [
+        SimpleNamespace(sweep={"array.rows": 2, "touch.impedance": name}, of=lambda kind: touch)
+        for name in ("finger", "light")
+    ]
     monkeypatch.setattr(
-        reproduction, "read_study", lambda folder: SimpleNamespace(cases=[SimpleNamespace(record=record)])
+        reproduction, "read_study", lambda folder: SimpleNamespace(cases=[SimpleNamespace(record=r) for r in records])
     )
     monkeypatch.setattr(reproduction, "PAGE", tmp_path / "page.md")
     (tmp_path / "pictures").mkdir()
     page = finger.text(tmp_path)
-    assert "| 2 rows, light | unknown | 0.9 | 0.2 | 12.0 | none | none | 7.5 mW | none |" in page
+    assert "| 2 rows, finger | unknown | 0.9 | 0.2 | 12.0 | none | none | 7.5 mW | none |" in page
+    assert "light |" not in page and "light" in (tmp_path / "pictures" / "touch.svg").read_text()
     assert (tmp_path / "pictures" / "touch.svg").stat().st_size > 1000 and "(pictures/touch.svg)" in page
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 
@@ -21,6 +22,13 @@ def test_headings_go_down_and_tables_stay(tmp_path: Path, monkeypatch: pytest.Mo
     assert "## accuracy\n\n### Part\n" in page
     assert "| # 1 |" in page
     assert "x.png" not in page
+
+
+def test_the_tables_of_meshes_and_references_become_files_instead_of_sections() -> None:
+    table = "| quantity | mesh |\n| --- | --- |\n| Zone, (0, N) | hex3,10mm |\n"
+    page = f"# accuracy\n\n## References\n\nWords.\n\n{table}\n## Other\n\n| a |\n"
+    assert verification.csv_of(page) == {"accuracy-references.csv": 'quantity,mesh\n"Zone, (0, N)","hex3,10mm"\n'}
+    assert verification.shortened(page) == "# accuracy\n\n## Other\n\n| a |\n"
 
 
 def test_a_study_that_was_not_run_is_named(
@@ -67,22 +75,20 @@ def test_the_committed_page_has_both_studies() -> None:
 
 
 def test_every_mesh_that_an_accuracy_may_choose_is_on_the_committed_envelope_or_near_it() -> None:
-    rows = [
-        line.strip("| ").split(" | ") for line in verification.PAGE.read_text().splitlines() if line.startswith("| ")
-    ]
+    meshes, references = (
+        list(csv.reader((verification.REFERENCE / name).read_text().splitlines()))[1:]
+        for name in verification.FILES.values()
+    )
     names = {title: part for part, listed in accuracy.QUANTITIES.items() for title in map(accuracy.NAMES.get, listed)}
-    start = next(i for i, row in enumerate(rows) if row[-1] == "over the envelope")
-    table = [row for row in rows[start + 1 :] if len(row) == 5 and row[0] in names]
     chosen = {
         (part, accuracy.name(mesh_level))
         for part, listed in accuracy.mesh_levels().items()
         for mesh_level in listed
         if accuracy._planned(part, mesh_level)
     }
-    assert {(names[row[0]], row[1]) for row in table} == chosen
-    reference = next(i for i, row in enumerate(rows) if row[-1] == "relative")
-    uncertain = {row[0]: float(row[3]) for row in rows[reference + 1 :] if row[0] in names and len(row) == 4}
-    off = [row for row in table if float(row[4]) > NEAR]
+    assert {(names[row[0]], row[1]) for row in meshes} == chosen
+    uncertain = {row[0]: float(row[3]) for row in references}
+    off = [row for row in meshes if float(row[4]) > NEAR]
     for title, _, error, seconds, _ in off:  # no further beyond a quicker mesh than the reference itself is uncertain
-        quicker = [float(row[2]) for row in table if row[0] == title and float(row[3]) < float(seconds)]
+        quicker = [float(row[2]) for row in meshes if row[0] == title and float(row[3]) < float(seconds)]
         assert quicker and float(error) <= min(quicker) + uncertain[title], off

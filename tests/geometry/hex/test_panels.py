@@ -134,7 +134,7 @@ def test_a_mirror_image_that_keeps_its_lines_is_turned_inside_out(monkeypatch: p
     def careless(patch: panels.Patch, signs: tuple[int, int], origin: np.ndarray) -> panels.Patch:
         return replace(patch, place=lambda u, v: patch.place(u, v) * np.array(signs) + origin)
 
-    monkeypatch.setattr("geometry.hex.panels.reflected", careless)
+    monkeypatch.setattr("geometry.hex.panels._reflected", careless)
     with pytest.raises(MeshError):
         check_mesh(panel_mesh(OFF_CENTRE, T, PILLARS["round"], SETTINGS).mesh)
 

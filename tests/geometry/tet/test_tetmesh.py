@@ -248,6 +248,39 @@ def test_a_mesh_that_stays_poor_is_refused_with_its_worst_element(monkeypatch, c
     assert "trying again" in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("off", "chosen"),
+    [([3, 0], 1), ([3, 1, 2], 1), ([20], 0), ([0], 0)],
+    ids=["second", "best of three", "many", "none"],
+)
+def test_a_mesh_with_a_few_nodes_off_a_curved_face_is_made_again(monkeypatch, off, chosen):
+    meshes, left = [object() for _ in off], iter(range(len(off)))
+
+    def attempt(*given):
+        number = next(left)
+        return off[number], meshes[number]
+
+    monkeypatch.setattr(mesher, "_attempt", attempt)
+    assert tet_mesh(solids.zone_solid(design()), 1e-3) is meshes[chosen]
+    assert next(left, None) is None  # as many attempts as listed
+
+
+def test_nodes_that_stay_off_a_curved_face_are_counted(monkeypatch):
+    """An element that has to keep straight edges: its middle nodes on the cylinder are off it."""
+    body, own, straightened = solids.pillar_solid(design("round").pillar), mesher._bent_too_far, []
+
+    def first(nodes, full, candidates):
+        if straightened:
+            return own(nodes, full, candidates)
+        straightened.append(np.flatnonzero(candidates)[:1])
+        return straightened[0]
+
+    assert mesher._attempt(body, 1e-3, None, mesher.EPSILON_PER_EDGE)[0] == 0
+    monkeypatch.setattr(mesher, "_bent_too_far", first)
+    off, _ = mesher._attempt(body, 1e-3, None, mesher.EPSILON_PER_EDGE)
+    assert 1 <= off <= 6  # edges of one element
+
+
 def test_a_vertex_off_the_cad_is_refused(monkeypatch):
     def moved(request):
         vertices, cells = tetrahedralize(request)

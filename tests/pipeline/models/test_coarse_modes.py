@@ -54,7 +54,7 @@ def test_a_class_asked_for_too_few_is_asked_again(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(modes, "coarse_modes", lambda *_: few)
     again = modes_of(PILLAR, log)
     assert [tone for _, tone in again] == pytest.approx([tone for _, tone in truth], rel=1e-7)
-    assert any("1 modes" in fact for fact in log.facts) and any("5 modes" in fact for fact in log.facts)
+    assert any("1 mode" in fact for fact in log.facts) and any("5 modes" in fact for fact in log.facts)
 
 
 def test_about_a_frequency_every_class_is_asked_for_all() -> None:

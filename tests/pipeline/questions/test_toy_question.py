@@ -65,7 +65,9 @@ def test_it_is_a_method_with_signature_documentation_and_limits(toy: ModuleType)
     plate = antinode.load(CASE)
     method = plate.mass  # type: ignore[attr-defined]
     assert inspect.signature(method).parameters["strips"].default == 4
-    assert "Parameters\n----------\nstrips\n    number of strips." in method.__doc__ and "mass" in dir(plate)
+    assert "Parameters\n----------\nstrips : int, optional\n    Number of strips." in method.__doc__ and "mass" in dir(
+        plate
+    )
     assert method(strips=2).mass_total_g == pytest.approx(grams())
     for wrong in (2.5, "3", None, [1]):
         with pytest.raises(antinode.InputError, match="a whole number"):

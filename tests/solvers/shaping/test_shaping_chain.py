@@ -125,7 +125,7 @@ def test_moving_patches_load_the_filter_by_their_own_admittance():
 def test_filters_that_cannot_be_are_refused():
     with pytest.raises(SolverError, match="inductance_h = 0: must be"):
         LowPass(0.0, 1.0, 1.0)
-    with pytest.raises(SolverError, match="needs 0 < highest operating frequency < PWM frequency"):
+    with pytest.raises(SolverError, match="requires 0 < highest operating frequency < PWM frequency"):
         filter_for(5e-9, 50e3, 40e3)
     with pytest.raises(SolverError, match="frequency in Hz = 0"):
         LowPass(1.0, 1.0, 1.0).response(0.0)
