@@ -326,30 +326,15 @@ def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> F
     ndarray, shape (q,)
         Forces at the points, scaled by the modal mass.
     """
-    shape = shape_at(touch, design, symmetry)
+    shape = _shape_at(touch, design, symmetry)
     heavy = touch.weights * shape
     own = float(heavy @ shape)
     surface = design.stack.mass_kg_m2
     return np.asarray(heavy * np.sqrt(surface / (own * touch.modal_mass_kg))) if own > 0.0 else np.zeros(len(heavy))
 
 
-def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """Evaluate the target shape at the points of the touch face.
-
-    Parameters
-    ----------
-    touch : TouchField
-        The points.
-    design : Design
-        The plate with its zone.
-    symmetry : str or None
-        Symmetry class of a halved model; None for a whole plate.
-
-    Returns
-    -------
-    ndarray, shape (q,)
-        0 on the passive face, and in a class that lacks the shape.
-    """
+def _shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
+    """Return the target shape at the points, (q,), 0 on the passive face and in a class that lacks it."""
     shape = np.zeros(len(touch.points))
     if symmetry in (None, target_symmetry(design.nodal_lines)):
         active = touch.is_active(design)
@@ -357,21 +342,8 @@ def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatAr
     return shape
 
 
-def is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
-    """Find the points on the plate beyond the last row.
-
-    Parameters
-    ----------
-    y_m : ndarray, shape (q,)
-        Distance from the plate's middle line.
-    design : Design
-        The plate with its rows.
-
-    Returns
-    -------
-    ndarray of bool, shape (q,)
-        True beyond the last row.
-    """
+def _is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
+    """Mask of the points on the plate beyond the last row."""
     return np.asarray(np.abs(y_m) > design.half_span_m - design.extension_m)
 
 

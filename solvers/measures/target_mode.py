@@ -49,20 +49,9 @@ class Verdict:
 NONE = Verdict("none", None)
 
 
-def weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
-    """Weigh each mode: strength times zone share times MAC.
-
-    A plate without passive face has all of its motion in the zone; unknown strengths and MACs count as 0.
-
-    Parameters
-    ----------
-    strength, zone_share, mac : ndarray, shape (k,)
-        Measures of every mode; NaN if unknown.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Dimensionless weights.
+def _weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
+    """Strength times zone share, weighted by the mode's likeness to the target shape, (k,); a plate without passive face has
+    all of its motion in the zone, unknown strengths and likenesses count 0.
     """
     share = np.where(np.isfinite(zone_share), zone_share, 1.0)
     return np.asarray(np.nan_to_num(strength) * share * np.nan_to_num(mac))
@@ -304,7 +293,7 @@ def weights(modes: Sequence[Measured]) -> FloatArray:
     ndarray, shape (k,)
         Dimensionless weights.
     """
-    return weight(*measures(modes))
+    return _weight(*measures(modes))
 
 
 def _judged(

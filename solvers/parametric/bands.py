@@ -95,44 +95,14 @@ def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> 
 def _lowest(
     parts: Sequence[ClassAtDesign], bases: FloatArray, count: int
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Compute the lowest waves at each wavevector.
-
-    Parameters
-    ----------
-    parts : sequence of ClassAtDesign
-        The sector's classes at the design.
-    bases : ndarray, shape (k, m, free)
-        Boundary motions at each wavevector.
-    count : int
-        Number of waves.
-
-    Yields
-    ------
-    values : ndarray, shape (count,)
-        Scaled eigenvalues.
-    boundary, inner : ndarray, shape (n, count)
-        Free boundary coordinates and inner functions of the waves.
-    """
-    for stiffness, mass in zip(*pencils(parts, bases), strict=True):
+    """At each wavevector the lowest eigenvalues (count,), the waves' free boundary coordinates and their inner functions."""
+    for stiffness, mass in zip(*_pencils(parts, bases), strict=True):
         values, waves = eigh(stiffness, mass, subset_by_index=(0, min(count, len(mass)) - 1), driver="gvx")
         yield np.asarray(values), waves[: bases.shape[2]], waves[bases.shape[2] :]
 
 
-def pencils(parts: Sequence[ClassAtDesign], bases: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Build K and M of the free boundary coordinates and the inner functions at each wavevector.
-
-    Parameters
-    ----------
-    parts : sequence of ClassAtDesign
-        The sector's classes at the design.
-    bases : ndarray, shape (k, n, free)
-        Boundary motions at each wavevector.
-
-    Returns
-    -------
-    stiffness, mass : ndarray, shape (k, m, m)
-        Scaled.
-    """
+def _pencils(parts: Sequence[ClassAtDesign], bases: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """K and M of [free boundary coordinates, inner functions] at each wavevector, (k, m, m)."""
     free, inner = bases.shape[2], sum(len(part.fixed_hz) for part in parts)
     stiffness, mass = (np.zeros((len(bases), free + inner, free + inner)) for _ in range(2))
     row, start = 0, free
@@ -283,19 +253,8 @@ def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: 
     return replace(cell, blocks=tuple(blocks))
 
 
-def single(values: FloatArray) -> FloatArray:
-    """Round values to single precision.
-
-    Parameters
-    ----------
-    values : ndarray, any shape
-        In double precision.
-
-    Returns
-    -------
-    ndarray, same shape
-        In double precision, rounded.
-    """
+def _single(values: FloatArray) -> FloatArray:
+    """Values as single precision holds them."""
     return np.asarray(values, dtype=np.float32).astype(float)
 
 

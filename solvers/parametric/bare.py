@@ -78,19 +78,8 @@ WHOLE: Span = (-1.0, 1.0)
 
 
 @lru_cache(maxsize=64)
-def line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
-    """Integrate f g, f' g and f' g' over a part of [-1, 1].
-
-    Parameters
-    ----------
-    span : tuple of float, optional
-        The part; all by default, from -1 to 1.
-
-    Returns
-    -------
-    tuple of tuple of ndarray, shape (n, n)
-        For the functions along a side, then for those through the thickness.
-    """
+def _line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
+    """int f g, int f' g and int f' g' over a part of [-1, 1], of the functions along a side and of those through it."""
     s, weights = gauss(DEGREE + 2, *span)
     plain, derived = line_values(s, False), line_values(s, True)
     pairs = ((plain, plain), (derived, plain), (derived, derived))
@@ -116,23 +105,8 @@ def _reference(face: Interface, span: Span = WHOLE) -> tuple[FloatArray, FloatAr
 def _bare_matrices(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute K and M of a panel, or of a part of it along x, among all its functions.
-
-    Parameters
-    ----------
-    size_m : tuple of float
-        Length, width and thickness.
-    material : Material
-        Of the panel.
-    face : Interface
-        Degrees along the sides and through the thickness.
-    span : tuple of float, optional
-        Part of [-1, 1] along x.
-
-    Returns
-    -------
-    stiffness, mass : ndarray, shape (3 n, 3 n)
-        Component fastest, scaled by the thickness.
+    """K and M (3 n, 3 n) of a panel, or of what lies within a span of [-1, 1] along x, among all its functions, component
+    fastest, in units of its thickness.
     """
     (parts, mass) = bare_forms(size_m, material, face, span, apart=False)
     return parts[0], mass

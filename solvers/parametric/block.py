@@ -247,21 +247,8 @@ class Sector:
     bases: FloatArray
 
 
-def class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
-    """Build the affine forms of one symmetry class.
-
-    Parameters
-    ----------
-    cell : AffineCell
-        The quarter panel.
-    signs : tuple of int
-        Signs along x and y, and about the diagonal (0 for none).
-
-    Returns
-    -------
-    ClassForms
-        Folded matrices of the class.
-    """
+def _class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
+    """The affine forms of one symmetry class."""
     mirrors = {face: "S" if sign > 0 else "A" for face, sign in zip(("x-", "y-"), signs, strict=False)}
     inside = free_mask(cell.mesh, (), mirrors)
     if signs[2]:
@@ -350,31 +337,11 @@ def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedB
     )  # fmt: skip
 
 
-def inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:
-    """Gather functions of the inside, orthonormal in the strain energy of the reference design (a POD).
+def _inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:
+    """Functions of the inside (inner, r), orthonormal in the strain energy of the reference design (a POD, sirovich1987).
 
     The rigid-body modes of every design are among them, so that none meets a force. What a design's snapshots add to those of
     the designs before widens the space; the decomposition is of all snapshots' coordinates in it.
-
-    Parameters
-    ----------
-    block : Block
-        The class on its mesh.
-    designs : iterable of tuple of float
-        In m.
-    kept : float
-        Least energy of a kept direction relative to the largest.
-    everywhere : iterable of tuple of float, optional
-        Designs, in m, whose rigid-body modes are also included.
-
-    Returns
-    -------
-    ndarray, shape (inner, r)
-        The functions.
-
-    References
-    ----------
-    .. [1] sirovich1987 (docs/references.bib)
     """
     designs = list(designs)
     stiffness, _ = block.stretched(block.cell.reference)
@@ -479,45 +446,15 @@ STAGGERED = Symmetry(
 )  # the zone's oblique sides are left alone by no mirror
 
 
-def symmetry_of(lattice: Lattice, is_alike: bool) -> Symmetry:
-    """Return the symmetry of a lattice: staggered, or in line, whose cell is or is not its own image by exchanging x and y.
-
-    Parameters
-    ----------
-    lattice : Lattice
-        The lattice of the rows.
-    is_alike : bool
-        Whether the cell is its own image with x and y exchanged.
-
-    Returns
-    -------
-    Symmetry
-        Classes and sectors.
-    """
+def _symmetry_of(lattice: Lattice, is_alike: bool) -> Symmetry:
+    """The symmetry of rows in line whose cell is, or is not, its own image with x and y exchanged, or of staggered rows."""
     return STAGGERED if lattice.is_centred else ALIKE if is_alike else UNLIKE
 
 
-def line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
-    """Name the line of the zone, by its ends, on which a wavevector lies and which a mirror leaves alone.
+def _line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
+    """The line of the zone that a wavevector in units of pi / pitch lies on and that a mirror leaves alone, by its ends.
 
-    Parameters
-    ----------
-    fraction : ndarray, shape (2,)
-        Wavevector in units of pi / pitch.
-    lattice : Lattice
-        The lattice of the rows.
-    symmetry : Symmetry
-        Its classes and sectors.
-
-    Returns
-    -------
-    str
-        Such as "GX".
-
-    Raises
-    ------
-    SolverError
-        For any other wavevector of rows in line: paths follow the sides of the irreducible Brillouin zone.
+    SolverError for any other wavevector of rows in line: paths run along the sides of the irreducible Brillouin zone.
     """
     (x, y), (end_x, end_y) = np.round(fraction, 12), np.round(np.diag(lattice.reciprocal_per_m) / (2.0 * np.pi), 12)
     end_x = end_x * (1 + lattice.is_centred)
@@ -528,21 +465,8 @@ def line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
     raise SolverError(f"wavevector {x:g}, {y:g} pi/pitch: no mirror of the cell leaves it alone")
 
 
-def parities(face: Interface, symmetry: Symmetry) -> tuple[FloatArray, ...]:
-    """List each class's polynomials among the cell's own; the image of a class by exchanging x and y comes last.
-
-    Parameters
-    ----------
-    face : Interface
-        Degrees along the sides and through the thickness.
-    symmetry : Symmetry
-        Its classes.
-
-    Returns
-    -------
-    tuple of ndarray, shape (boundary, m)
-        One per member.
-    """
+def _parities(face: Interface, symmetry: Symmetry) -> tuple[FloatArray, ...]:
+    """Each member's polynomials among the cell's own, (boundary, m); the image of a class by exchanging x and y."""
     own = [face.parity_basis({0: x, 1: y}, diagonal) for x, y, diagonal in symmetry.classes]
     images = len(symmetry.members) - len(symmetry.classes)
     return (*own, *(one[face.diagonal()] for one in own[len(own) - images :]))

@@ -431,28 +431,10 @@ class FiniteModes:
         return self.scale.frequency(values), turn, self.faces.measured(turn)
 
 
-def condense(pair: Pair, kept: int, top: float, about: float) -> Step:
-    """Eliminate all but the first degrees of freedom; modes of the rest up to an eigenvalue stay.
+def _condense(pair: Pair, kept: int, top: float, about: float) -> Step:
+    """Drop all but the first `kept` degrees of freedom; modes of the rest up to the eigenvalue `top` stay.
 
-    The answer of the other modes is exact at one eigenvalue (leung1978): errors grow with the square of the distance.
-
-    Parameters
-    ----------
-    pair : tuple of ndarray, shape (n, n)
-        K and M.
-    kept : int
-        Number of degrees of freedom that stay.
-    top, about : float
-        Scaled eigenvalues: of the highest kept mode, and where the reduction is exact.
-
-    Returns
-    -------
-    Step
-        Shapes and reduced matrices.
-
-    References
-    ----------
-    .. [1] leung1978 (docs/references.bib)
+    What the other modes answer is exact at the eigenvalue `about` (leung1978): errors grow with the square of the distance.
     """
     stiffness, mass = (matrix[kept:, kept:] for matrix in pair)
     pull = pair[0][kept:, :kept] - about * pair[1][kept:, :kept]
@@ -547,22 +529,9 @@ def real_row(row: Row) -> Pair:
     return out[0], out[1]
 
 
-def stiff_inside(cell: Cell, top: float, about: float) -> tuple[Cell, FloatArray]:
-    """Replace the fixed-interface modes beyond an eigenvalue by their answer at another one, the same at every wavenumber.
-
-    Parameters
-    ----------
-    cell : Cell
-        The reduced cell.
-    top, about : float
-        Scaled eigenvalues: of the highest kept mode, and where the answer is exact.
-
-    Returns
-    -------
-    cell : Cell
-        With fewer modes.
-    shapes : ndarray, shape (dof, kept)
-        Its degrees of freedom as motions of the cell.
+def _stiff_inside(cell: Cell, top: float, about: float) -> tuple[Cell, FloatArray]:
+    """The cell whose fixed-interface modes beyond the eigenvalue `top` answer as at `about`, and its degrees of freedom as
+    motions of the cell, (dof, kept). It is the same at every wavenumber.
     """
     b = cell.interface.count
     stiffness, mass = (np.diag(matrix)[b:] for matrix in (cell.stiffness, cell.mass))
@@ -594,23 +563,8 @@ def wavenumbers(design: Design) -> FloatArray:
     return np.asarray(pi / (BEYOND * design.length_m) * np.arange(lines % 2, last + 1), dtype=float)
 
 
-def without_pillar(bare: Cell, boundary: FloatArray, about: float) -> FloatArray:
-    """Compute a bare cell's motion from that of its boundary at one eigenvalue.
-
-    Parameters
-    ----------
-    bare : Cell
-        The bare cell.
-    boundary : ndarray, shape (b, n)
-        Motion of its boundary.
-    about : float
-        Scaled eigenvalue.
-
-    Returns
-    -------
-    ndarray, shape (dof, n)
-        Motion of the cell.
-    """
+def _without_pillar(bare: Cell, boundary: FloatArray, about: float) -> FloatArray:
+    """A bare cell's motion (dof, n) at the eigenvalue `about` where its boundary moves by (b, n)."""
     b = len(boundary)
     values = np.diag(bare.stiffness)[b:]
     return np.vstack([boundary, (about / (values - about))[:, None] * (bare.mass[b:, :b] @ boundary)])

@@ -407,43 +407,15 @@ class ExtrapolatedModes:
 def _gains_at(
     vectors: FloatArray, growth: FloatArray | None, loads: FloatArray, inertia: FloatArray | None
 ) -> FloatArray:
-    """Compute the gains of loads on modes.
-
-    Parameters
-    ----------
-    vectors : ndarray, shape (dof, k)
-        M-orthonormal modes.
-    growth : ndarray, shape (k,), or None
-        Factor on the part by inertia.
-    loads : ndarray, shape (dof, patches)
-        Scaled loads.
-    inertia : ndarray, shape (dof, patches), or None
-        Their part by inertia.
-
-    Returns
-    -------
-    ndarray, shape (k, patches)
-        Scaled gains.
-    """
+    """Gains (k, patches) of loads on modes (dof, k); growth (k,): of their part by inertia."""
     gain = vectors.T @ loads
     if growth is None or inertia is None:
         return np.asarray(gain)
     return np.asarray(gain + (growth - 1.0)[:, None] * (vectors.T @ inertia))
 
 
-def joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | None:
-    """Average the error fractions of several patches; their differences add to the uncertainty.
-
-    Parameters
-    ----------
-    shares : sequence of ErrorFractions or None
-        One per patch.
-
-    Returns
-    -------
-    ErrorFractions or None
-        None if one has none.
-    """
+def _joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | None:
+    """Mean error fractions of several patches, whose differences add to the uncertainty; None if one has none."""
     known = [each for each in shares if each is not None]
     if not known or len(known) < len(shares):
         return None

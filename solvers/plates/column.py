@@ -123,26 +123,10 @@ MOST = 0.45  # relative: eigenvalues stay positive
 def _mode_errors(
     column: Assembly, pencil: tuple[ComplexArray, ComplexArray], value: FloatArray, vectors: ComplexArray
 ) -> ModeErrors:
-    """Estimate the errors of a column's modes.
+    """Estimate the errors of M-orthonormal modes (dof, k) of a column and its K and M with scaled eigenvalues (k,).
 
-    Discarded fixed-interface modes cost l u^H D u / 2, with D the residual flexibility. What the last degree along the sides
-    changed bounds the next ones, and so does that through the thickness where cells have further ones.
-
-    Parameters
-    ----------
-    column : Assembly
-        The joined cells.
-    pencil : tuple of ndarray, shape (dof, dof)
-        Scaled K and M.
-    value : ndarray, shape (k,)
-        Scaled eigenvalues.
-    vectors : ndarray, shape (dof, k)
-        M-orthonormal modes.
-
-    Returns
-    -------
-    ModeErrors
-        Relative errors of the frequencies, infinite where unknown.
+    What they lose by discarded fixed-interface modes is l u^H D u / 2, D the residual flexibility; what the last degree on the
+    sides brought bounds the next ones, as that through the thickness does where cells know further ones.
     """
     with np.errstate(invalid="ignore"):
         modes = by_modes(column, value, vectors)

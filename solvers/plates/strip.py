@@ -42,24 +42,10 @@ class EffectiveMass:
     coupling: FloatArray
 
 
-def root_compliance(pillar: Pillar) -> float:
-    """Compute the rotation of a pillar's foot in an elastic half-space per moment: 16.67/(pi E a^3).
+def _root_compliance(pillar: Pillar) -> float:
+    """Rotation of the pillar's foot in an elastic half-space per moment, rad/(N m): 16.67/(pi E a^3).
 
-    Plane stress, for a square section of side a; another section counts as the square of equal area.
-
-    Parameters
-    ----------
-    pillar : Pillar
-        Section in m, material in Pa.
-
-    Returns
-    -------
-    float
-        In rad/(N m).
-
-    References
-    ----------
-    .. [1] odonnell1960 (docs/references.bib)
+    Plane stress, for a square section of side a; another one has that of the square of equal area. Source: odonnell1960.
     """
     return ROOT / (pillar.material.rod(2).young_pa * pillar.form.section.area_m2**1.5)
 

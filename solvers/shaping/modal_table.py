@@ -61,25 +61,10 @@ class ModalTable:
         return int(np.argmin(np.abs(self.frequencies_hz - frequency_hz)))
 
 
-def receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Compute 1/(omega_m^2 - omega^2 + i omega omega_m/Q_m) of every mode.
+def _receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
+    """1/(omega_m^2 - omega^2 + i omega omega_m/Q_m), s2, shape (m,).
 
-    Parameters
-    ----------
-    table : ModalTable
-        Modes of 1 kg.
-    frequency_hz : float
-        Frequency of the drive.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        In s^2.
-
-    Raises
-    ------
-    SolverError
-        For a frequency that is not above 0, or that of a mode without loss.
+    Raises SolverError for a frequency that is not above 0, and on the very frequency of a mode without loss.
     """
     check_above_zero("frequency in Hz", frequency_hz)
     omega = 2.0 * pi * frequency_hz
@@ -113,7 +98,7 @@ def modal_drive(table: ModalTable, frequency_hz: float) -> ComplexArray:
     SolverError
         As `receptance`.
     """
-    return np.asarray(receptance(table, frequency_hz)[:, None] * table.actuators)
+    return np.asarray(_receptance(table, frequency_hz)[:, None] * table.actuators)
 
 
 def sensor_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:

@@ -225,21 +225,8 @@ def quantiles(values: FloatArray) -> dict[str, Any]:
     return {"q05": float(low), "median": float(middle), "q95": float(high)}
 
 
-def unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
-    """Draw normally distributed phasors of rms 1.
-
-    Parameters
-    ----------
-    random : Generator
-        Source of random numbers.
-    shape : tuple of int
-        Shape of the result.
-
-    Returns
-    -------
-    ndarray, shape `shape`
-        Complex phasors.
-    """
+def _unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
+    """Normally distributed phasors of rms 1."""
     return np.asarray((random.standard_normal(shape) + 1j * random.standard_normal(shape)) / np.sqrt(2.0))
 
 
