@@ -281,7 +281,7 @@ def measures(modes: Sequence[Measured]) -> tuple[FloatArray, FloatArray, FloatAr
 
 
 def weights(modes: Sequence[Measured]) -> FloatArray:
-    """Weigh each of the modes, as `weight`.
+    """Part of the target shape that each mode carries.
 
     Parameters
     ----------
@@ -291,7 +291,7 @@ def weights(modes: Sequence[Measured]) -> FloatArray:
     Returns
     -------
     ndarray, shape (k,)
-        Dimensionless weights.
+        Strength times zone share times MAC, 0 to 1.
     """
     return _weight(*measures(modes))
 

@@ -68,21 +68,21 @@ def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> 
     Parameters
     ----------
     cell : ParametricCell
-        Reduced over the box.
+        The cell, also a compressed one.
     bases : BandBases
-        Boundary motions at every wavevector.
-    sizes : ndarray, shape (4,), or tuple
-        The design, in m.
+        Path, number of bands and boundary motions.
+    sizes : (float, float, float, float) or ndarray, shape (4,)
+        Thickness, height, side and pitch in m.
 
     Returns
     -------
     Bands
-        Frequencies in Hz and relative errors, (wavevectors, count) each.
+        Frequencies in Hz and relative errors.
 
     Raises
     ------
     SolverError
-        For a design outside the box, naming the size.
+        For a design outside the box, by name.
     """
     parts = cell.parts(sizes, INNER, cell.interface)
     with one_thread():
@@ -166,21 +166,21 @@ def band_bases(
 
 
 def rich_sectors(cell: ParametricCell, fractions: FloatArray, labels: tuple[str, ...]) -> tuple[Sector, ...]:
-    """Build the sectors with all boundary motions at the labelled wavevectors.
+    """Sectors with all boundary motions at some of the wavevectors.
 
     Parameters
     ----------
     cell : ParametricCell
-        Reduced over the box.
+        The cell.
     fractions : ndarray, shape (k, 2)
-        Wavevectors in units of pi / pitch.
+        Wavevectors of the path in units of pi / pitch.
     labels : tuple of str
-        One per wavevector, empty between labelled points.
+        Label of each wavevector, empty for none.
 
     Returns
     -------
     tuple of Sector
-        One per mirror sector.
+        At the labelled wavevectors, at every CLOSELY-th and at the middle one of each sector.
     """
     labelled = np.array([bool(label) for label in labels])
     return tuple(_some(sector, labelled[sector.points]) for sector in cell.sectors(fractions))

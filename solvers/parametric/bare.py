@@ -115,25 +115,27 @@ def _bare_matrices(
 def bare_forms(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE, apart: bool = True
 ) -> tuple[list[FloatArray], FloatArray]:
-    """Compute K, split by how often it is differentiated across the plate, and M, as `bare_matrices`.
+    """K and M of a bare panel, or of part of it along x, among all its functions.
+
+    Lengths are scaled by the panel's thickness. Degrees of freedom go function by function, u_x, u_y, u_z each.
 
     Parameters
     ----------
-    size_m : tuple of float
-        Length, width and thickness.
+    size_m : (float, float, float)
+        Width, depth and thickness.
     material : Material
-        Of the panel.
+        The plate's.
     face : Interface
-        Degrees along the sides and through the thickness.
-    span : tuple of float, optional
-        Part of [-1, 1] along x.
+        Polynomials of the sides.
+    span : (float, float), optional
+        Part of [-1, 1] along x; all by default.
     apart : bool, optional
-        Split K in three instead of returning its sum.
+        Whether K is split by its number of derivatives across the plate.
 
     Returns
     -------
     stiffness : list of ndarray, shape (3 n, 3 n)
-        Three, or one; scaled.
+        Terms with 0, 1 and 2 derivatives along z, or their sum alone.
     mass : ndarray, shape (3 n, 3 n)
         Scaled.
     """

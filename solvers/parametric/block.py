@@ -400,23 +400,23 @@ def symmetric(matrices: FloatArray) -> FloatArray:
 
 
 def chosen(block: Block, designs: Sequence[Sizes], missed: float) -> list[Sizes]:
-    """Choose designs whose span represents every design.
+    """Choose designs that hold the motions of all, the worst next (a greedy search).
 
-    The first design, then more until no motion of unit strain energy of any design has more than `missed` of that energy
-    outside the span of the chosen ones.
+    It begins with the first design. It ends when no motion of unit strain energy of any design has more than `missed`
+    of that energy outside the span of those chosen.
 
     Parameters
     ----------
     block : Block
-        The class on its mesh.
-    designs : sequence of tuple of float
-        In m.
+        The class, on a coarse mesh.
+    designs : sequence of (float, float, float, float)
+        Thickness, height, side and pitch in m of each design.
     missed : float
-        Largest fraction of the energy.
+        Fraction of a motion's energy.
 
     Returns
     -------
-    list of tuple of float
+    list of (float, float, float, float)
         The chosen ones, in m.
     """
     left = dict(zip(designs, _motions(block, designs), strict=True))

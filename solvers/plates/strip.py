@@ -165,26 +165,26 @@ _GAUSS = legendre.leggauss(4)
 
 
 def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float = 0.5) -> AcrossModes:
-    """Compute the strip's modes in a frequency band.
+    """Solve the modes of a plate as one strip, within a window.
 
     Parameters
     ----------
     design : Design
-        The plate, lengths in m.
+        The plate.
     low_hz, high_hz : float
-        Ends of the band, inclusive.
+        Ends of the window.
     softness : float, optional
-        Factor on the compliance of the pillars' feet beyond the strip's own bending: 1 is a half-space.
+        Fraction of a half-space's compliance that the pillars' feet have, in addition to the strip's own bending.
 
     Returns
     -------
     AcrossModes
-        Frequencies (n,) in Hz and their profiles.
+        Frequencies and measures (k,).
 
     Raises
     ------
     SolverError
-        For a design without zone or thickness.
+        If the design lacks a zone or a thickness.
     """
     frequency_hz, profile = _solved(design, (low_hz, high_hz), softness)
     return AcrossModes(frequency_hz, measure_profile(profile, design))

@@ -79,71 +79,71 @@ def _receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
 
 
 def modal_drive(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Compute the modal coordinates per volt.
+    """Modal coordinates per volt of each actuator.
 
     Parameters
     ----------
     table : ModalTable
-        Modes and actuators.
+        The structure.
     frequency_hz : float
-        Frequency of the drive.
+        Driving frequency.
 
     Returns
     -------
     ndarray, shape (m, a)
-        In sqrt(kg) m/V.
+        Complex, in m sqrt(kg) per volt.
 
     Raises
     ------
     SolverError
-        As `receptance`.
+        For a frequency that is not above 0, or that of a mode without loss.
     """
     return np.asarray(_receptance(table, frequency_hz)[:, None] * table.actuators)
 
 
 def sensor_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Compute T(omega), the sensors' signals per volt.
+    """Transfer matrix T(omega): signals per volt.
 
     Parameters
     ----------
     table : ModalTable
-        Modes, actuators and sensors.
+        The structure.
     frequency_hz : float
-        Frequency of the drive.
+        Driving frequency.
 
     Returns
     -------
     ndarray, shape (s, a)
-        In the sensors' unit per volt.
+        Complex, in the sensors' unit per volt; the static residual is included.
 
     Raises
     ------
     SolverError
-        As `receptance`.
+        For a frequency that is not above 0, or that of a mode without loss.
     """
     modal: ComplexArray = table.sensors.T @ modal_drive(table, frequency_hz)
     return modal if table.sensor_residual is None else modal + table.sensor_residual
 
 
 def field_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Compute the displacement at the points per volt.
+    """Displacement at the table's points per volt.
 
     Parameters
     ----------
     table : ModalTable
-        Modes, actuators and points.
+        The structure.
     frequency_hz : float
-        Frequency of the drive.
+        Driving frequency.
 
     Returns
     -------
     ndarray, shape (p, a)
-        In m/V.
+        Complex, in m/V; the static residual is included.
 
     Raises
     ------
     SolverError
-        As `receptance`.
+        For a frequency that is not above 0, or that of a mode without loss.
     """
     modal: ComplexArray = table.field.T @ modal_drive(table, frequency_hz)
     return modal if table.field_residual is None else modal + table.field_residual
