@@ -446,7 +446,7 @@ def confinement(table: ModalTable, frequency_hz: float, inside: BoolArray, drive
     Raises
     ------
     SolverError
-        For an unknown driver; as `best_contrast` and `receptance`.
+        For an unknown driver; as `best_contrast` and `field_matrix`.
     """
     if not 0 <= driver < table.actuator_count:
         raise SolverError(f"driver {driver}: must be from 0 to {table.actuator_count - 1}")
