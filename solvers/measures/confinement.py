@@ -127,7 +127,7 @@ class Overlaps:
         if active.all():
             return None
         faces = [(touch.weights[part], touch.values[part]) for part in (active, ~active)]
-        heavy = touch.weights * (shape := shape_at(touch, design, symmetry))
+        heavy = touch.weights * (shape := _shape_at(touch, design, symmetry))
         projection = heavy @ touch.values / np.sqrt(max(float(heavy @ shape), 1e-300))
         surface = design.stack.mass_kg_m2
         return replace(cls.between(faces), projection=projection, strength=surface / touch.modal_mass_kg)
@@ -141,7 +141,7 @@ class Overlaps:
     @classmethod
     def of_extension(cls, touch: TouchField, design: Design) -> Overlaps | None:
         """Overlaps with the plate beyond the last row in place of the passive face; None without any."""
-        active, beyond = touch.is_active(design), is_beyond_rows(touch.points[:, 1], design)
+        active, beyond = touch.is_active(design), _is_beyond_rows(touch.points[:, 1], design)
         if not touch.weights[beyond].sum() > NEGLIGIBLE * touch.weights[active].sum():
             return None
         return cls.between([(touch.weights[part], touch.values[part]) for part in (active, beyond)])
@@ -304,7 +304,7 @@ def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinem
     Confinement
         Zone share, level in dB, MAC and strength of every mode, (k,) each.
     """
-    shape = shape_at(touch, design, symmetry)
+    shape = _shape_at(touch, design, symmetry)
     profile = Profile(np.abs(touch.points[:, 1]), touch.weights, touch.values, shape, touch.modal_mass_kg)
     return measure_profile(profile, design)
 
@@ -326,30 +326,15 @@ def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> F
     ndarray, shape (q,)
         Forces at the points, scaled by the modal mass.
     """
-    shape = shape_at(touch, design, symmetry)
+    shape = _shape_at(touch, design, symmetry)
     heavy = touch.weights * shape
     own = float(heavy @ shape)
     surface = design.stack.mass_kg_m2
     return np.asarray(heavy * np.sqrt(surface / (own * touch.modal_mass_kg))) if own > 0.0 else np.zeros(len(heavy))
 
 
-def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """Evaluate the target shape at the points of the touch face.
-
-    Parameters
-    ----------
-    touch : TouchField
-        The points.
-    design : Design
-        The plate with its zone.
-    symmetry : str or None
-        Symmetry class of a halved model; None for a whole plate.
-
-    Returns
-    -------
-    ndarray, shape (q,)
-        0 on the passive face, and in a class that lacks the shape.
-    """
+def _shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
+    """Return the target shape at the points, (q,), 0 on the passive face and in a class that lacks it."""
     shape = np.zeros(len(touch.points))
     if symmetry in (None, target_symmetry(design.nodal_lines)):
         active = touch.is_active(design)
@@ -357,21 +342,8 @@ def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatAr
     return shape
 
 
-def is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
-    """Find the points on the plate beyond the last row.
-
-    Parameters
-    ----------
-    y_m : ndarray, shape (q,)
-        Distance from the plate's middle line.
-    design : Design
-        The plate with its rows.
-
-    Returns
-    -------
-    ndarray of bool, shape (q,)
-        True beyond the last row.
-    """
+def _is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
+    """Mask of the points on the plate beyond the last row."""
     return np.asarray(np.abs(y_m) > design.half_span_m - design.extension_m)
 
 
@@ -393,7 +365,7 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
     y, weights = np.abs(profile.y_m), profile.weights
     squares = np.abs(profile.values) ** 2
     active = y < design.width_m / 2.0
-    parts = [weights * part for part in (active, ~active, is_beyond_rows(y, design))]
+    parts = [weights * part for part in (active, ~active, _is_beyond_rows(y, design))]
     shape, values = profile.shape[active], profile.values[active]
     own = weights[active] @ np.abs(shape) ** 2
     projection = np.abs((weights[active] * shape.conj()) @ values) ** 2 / np.maximum(own, 1e-300)

@@ -49,20 +49,9 @@ class Verdict:
 NONE = Verdict("none", None)
 
 
-def weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
-    """Weigh each mode: strength times zone share times MAC.
-
-    A plate without passive face has all of its motion in the zone; unknown strengths and MACs count as 0.
-
-    Parameters
-    ----------
-    strength, zone_share, mac : ndarray, shape (k,)
-        Measures of every mode; NaN if unknown.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Dimensionless weights.
+def _weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
+    """Strength times zone share, weighted by the mode's likeness to the target shape, (k,); a plate without passive face has
+    all of its motion in the zone, unknown strengths and likenesses count 0.
     """
     share = np.where(np.isfinite(zone_share), zone_share, 1.0)
     return np.asarray(np.nan_to_num(strength) * share * np.nan_to_num(mac))
@@ -91,7 +80,7 @@ def verdict(
     Verdict
         Status, index, rivals and share.
     """
-    modal_overlap, weights = np.nan_to_num(mac), weight(strength, zone_share, mac)
+    modal_overlap, weights = np.nan_to_num(mac), _weight(strength, zone_share, mac)
     everything = np.ones(len(weights), dtype=bool)
     candidate, near = (everything if mask is None else mask for mask in (candidate, near))
     candidates = np.where(candidate & (modal_overlap >= MIN_MAC), weights, 0.0)
@@ -292,7 +281,7 @@ def measures(modes: Sequence[Measured]) -> tuple[FloatArray, FloatArray, FloatAr
 
 
 def weights(modes: Sequence[Measured]) -> FloatArray:
-    """Weigh each of the modes, as `weight`.
+    """Part of the target shape that each mode carries.
 
     Parameters
     ----------
@@ -302,9 +291,9 @@ def weights(modes: Sequence[Measured]) -> FloatArray:
     Returns
     -------
     ndarray, shape (k,)
-        Dimensionless weights.
+        Strength times zone share times MAC, 0 to 1.
     """
-    return weight(*measures(modes))
+    return _weight(*measures(modes))
 
 
 def _judged(

@@ -41,7 +41,7 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Forms, Scale
 
 BLOCK = 1.1  # width of a round or hexagonal pillar's block over the pillar's largest
-UNDER, BESIDE = 2, 3  # numbers of the stretches of block and clearance: solvers/parametric/affine.py
+UNDER, BESIDE = 2, 3  # numbers of the stretches of block and clearance
 
 THICKNESS, HEIGHT, SIDE, PITCH = range(4)
 NAMES = ("thickness", "height", "side", "pitch")
@@ -364,20 +364,9 @@ def as_sizes(designs: FloatArray) -> list[Sizes]:
     return [(float(t), float(h), float(a), float(p)) for t, h, a, p in designs]
 
 
-def stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
-    """Return the lengths by which the parts of the mesh are stretched.
-
-    Parameters
-    ----------
-    sizes : ndarray, shape (4,), or tuple
-        Thickness, height, side and pitch, in m.
-    box : DesignBox
-        Its panel and foot.
-
-    Returns
-    -------
-    ndarray, shape (6,)
-        Thickness, height, side, clearances along x and along y, and pitch, in m.
+def _stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
+    """Thickness, height, side, what lies between the blocks along x and along y, and the pitch: what the parts of the mesh are
+    stretched by.
     """
     t, h, a, p = sizes
     width, depth = (side * p - box.foot.reach * a for side in box.panel)
@@ -403,7 +392,7 @@ def theta(exponents: IntArray, sizes: FloatArray | Sizes, reference: Sizes, box:
     ndarray, shape (q,)
         Dimensionless.
     """
-    ratio = stretches(sizes, box) / stretches(reference, box)
+    ratio = _stretches(sizes, box) / _stretches(reference, box)
     return np.asarray(np.prod(ratio ** np.asarray(exponents), axis=1))
 
 

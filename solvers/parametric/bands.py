@@ -68,21 +68,21 @@ def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> 
     Parameters
     ----------
     cell : ParametricCell
-        Reduced over the box.
+        The cell, also a compressed one.
     bases : BandBases
-        Boundary motions at every wavevector.
-    sizes : ndarray, shape (4,), or tuple
-        The design, in m.
+        Path, number of bands and boundary motions.
+    sizes : (float, float, float, float) or ndarray, shape (4,)
+        Thickness, height, side and pitch in m.
 
     Returns
     -------
     Bands
-        Frequencies in Hz and relative errors, (wavevectors, count) each.
+        Frequencies in Hz and relative errors.
 
     Raises
     ------
     SolverError
-        For a design outside the box, naming the size.
+        For a design outside the box, by name.
     """
     parts = cell.parts(sizes, INNER, cell.interface)
     with one_thread():
@@ -92,47 +92,17 @@ def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> 
     return Bands(cell.scale.frequency(values), SAFETY * error + bases.floor)
 
 
-def lowest(
+def _lowest(
     parts: Sequence[ClassAtDesign], bases: FloatArray, count: int
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Compute the lowest waves at each wavevector.
-
-    Parameters
-    ----------
-    parts : sequence of ClassAtDesign
-        The sector's classes at the design.
-    bases : ndarray, shape (k, m, free)
-        Boundary motions at each wavevector.
-    count : int
-        Number of waves.
-
-    Yields
-    ------
-    values : ndarray, shape (count,)
-        Scaled eigenvalues.
-    boundary, inner : ndarray, shape (n, count)
-        Free boundary coordinates and inner functions of the waves.
-    """
-    for stiffness, mass in zip(*pencils(parts, bases), strict=True):
+    """At each wavevector the lowest eigenvalues (count,), the waves' free boundary coordinates and their inner functions."""
+    for stiffness, mass in zip(*_pencils(parts, bases), strict=True):
         values, waves = eigh(stiffness, mass, subset_by_index=(0, min(count, len(mass)) - 1), driver="gvx")
         yield np.asarray(values), waves[: bases.shape[2]], waves[bases.shape[2] :]
 
 
-def pencils(parts: Sequence[ClassAtDesign], bases: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Build K and M of the free boundary coordinates and the inner functions at each wavevector.
-
-    Parameters
-    ----------
-    parts : sequence of ClassAtDesign
-        The sector's classes at the design.
-    bases : ndarray, shape (k, n, free)
-        Boundary motions at each wavevector.
-
-    Returns
-    -------
-    stiffness, mass : ndarray, shape (k, m, m)
-        Scaled.
-    """
+def _pencils(parts: Sequence[ClassAtDesign], bases: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """K and M of [free boundary coordinates, inner functions] at each wavevector, (k, m, m)."""
     free, inner = bases.shape[2], sum(len(part.fixed_hz) for part in parts)
     stiffness, mass = (np.zeros((len(bases), free + inner, free + inner)) for _ in range(2))
     row, start = 0, free
@@ -186,7 +156,7 @@ def band_bases(
     few = []
     for number, sector in enumerate(whole):
         gathered = np.concatenate([known[number] for known in waves], axis=2)
-        energy, mass = pencils([middle[member] for member in sector.classes], sector.bases)
+        energy, mass = _pencils([middle[member] for member in sector.classes], sector.bases)
         free = sector.bases.shape[2]
         metric = (energy + BESIDE * mass)[:, :free, :free]
         most = BOUNDARY * (1 + (len(sector.classes) == len(cell.blocks)))  # no mirror parts these waves
@@ -196,21 +166,21 @@ def band_bases(
 
 
 def rich_sectors(cell: ParametricCell, fractions: FloatArray, labels: tuple[str, ...]) -> tuple[Sector, ...]:
-    """Build the sectors with all boundary motions at the labelled wavevectors.
+    """Sectors with all boundary motions at some of the wavevectors.
 
     Parameters
     ----------
     cell : ParametricCell
-        Reduced over the box.
+        The cell.
     fractions : ndarray, shape (k, 2)
-        Wavevectors in units of pi / pitch.
+        Wavevectors of the path in units of pi / pitch.
     labels : tuple of str
-        One per wavevector, empty between labelled points.
+        Label of each wavevector, empty for none.
 
     Returns
     -------
     tuple of Sector
-        One per mirror sector.
+        At the labelled wavevectors, at every CLOSELY-th and at the middle one of each sector.
     """
     labelled = np.array([bool(label) for label in labels])
     return tuple(_some(sector, labelled[sector.points]) for sector in cell.sectors(fractions))
@@ -283,19 +253,8 @@ def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: 
     return replace(cell, blocks=tuple(blocks))
 
 
-def single(values: FloatArray) -> FloatArray:
-    """Round values to single precision.
-
-    Parameters
-    ----------
-    values : ndarray, any shape
-        In double precision.
-
-    Returns
-    -------
-    ndarray, same shape
-        In double precision, rounded.
-    """
+def _single(values: FloatArray) -> FloatArray:
+    """Values as single precision holds them."""
     return np.asarray(values, dtype=np.float32).astype(float)
 
 
@@ -322,7 +281,7 @@ def _merged(solved: list[FloatArray], of: Sequence[Sector], points: int, count: 
 
 def _eigenvalues(parts: Sequence[ClassAtDesign], sector: Sector) -> FloatArray:
     """Every eigenvalue of a sector at each of its wavevectors, (k, m)."""
-    stiffness, mass = pencils([parts[number] for number in sector.classes], sector.bases)
+    stiffness, mass = _pencils([parts[number] for number in sector.classes], sector.bases)
     lower = np.linalg.cholesky(mass)
     half = np.linalg.solve(lower, stiffness)
     return np.asarray(np.linalg.eigvalsh(np.linalg.solve(lower, half.transpose(0, 2, 1))))
@@ -332,7 +291,7 @@ def _corrected(parts: Sequence[ClassAtDesign], sector: Sector, count: int) -> Fl
     """Eigenvalues less what the inner functions left out take from them, to first order: l - l^2 u'Du, (k, count)."""
     own = [parts[number] for number in sector.classes]
     out = []
-    for basis, (values, edge, _) in zip(sector.bases, lowest(own, sector.bases, count), strict=True):
+    for basis, (values, edge, _) in zip(sector.bases, _lowest(own, sector.bases, count), strict=True):
         free, row, taken = basis @ edge, 0, np.zeros(len(values))
         for part in own:
             piece = free[row : row + part.parity.shape[1]]
@@ -353,7 +312,7 @@ def _boundary_waves(cell: ParametricCell, of: Sequence[Sector], count: int, size
     """For each sector the boundary coordinates of one design's lowest waves of unit energy, (k, m, count)."""
     with one_thread():
         parts = cell.parts(sizes, INNER, cell.interface)
-        solved = (lowest([parts[member] for member in sector.classes], sector.bases, count) for sector in of)
+        solved = (_lowest([parts[member] for member in sector.classes], sector.bases, count) for sector in of)
         return [
             np.array([edge / np.sqrt(np.maximum(values, 0.0) + SLOWEST) for values, edge, _ in sector])
             for sector in solved
@@ -372,7 +331,7 @@ def _inside(
 ) -> list[tuple[int, FloatArray]]:
     """Each class's block and what its inside does in the lowest waves of unit energy, (inside, waves)."""
     own, out = [parts[number] for number in sector.classes], []
-    for basis, (values, edge, inner) in zip(sector.bases, lowest(own, sector.bases, count), strict=True):
+    for basis, (values, edge, inner) in zip(sector.bases, _lowest(own, sector.bases, count), strict=True):
         size, row, start = np.sqrt(np.maximum(values, 0.0) + SLOWEST), 0, 0
         free, inner = basis @ (edge / size), inner / size
         for number, part in zip(sector.classes, own, strict=True):
@@ -401,11 +360,11 @@ def _block(
     whole[:f, : boundary.shape[1]], whole[f:, boundary.shape[1] :] = boundary, inner
 
     def turned(matrices: FloatArray) -> FloatArray:
-        return single(symmetric(np.array([whole.T @ matrix @ whole for matrix in matrices])))
+        return _single(symmetric(np.array([whole.T @ matrix @ whole for matrix in matrices])))
 
     return replace(
         block, functions=boundary.shape[1], stiffness=turned(block.stiffness), mass=turned(block.mass),
-        touch=single(block.touch @ whole), coordinates=single(boundary.T @ block.coordinates),
+        touch=_single(block.touch @ whole), coordinates=_single(boundary.T @ block.coordinates),
     )  # fmt: skip
 
 

@@ -78,19 +78,8 @@ WHOLE: Span = (-1.0, 1.0)
 
 
 @lru_cache(maxsize=64)
-def line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
-    """Integrate f g, f' g and f' g' over a part of [-1, 1].
-
-    Parameters
-    ----------
-    span : tuple of float, optional
-        The part; all by default, from -1 to 1.
-
-    Returns
-    -------
-    tuple of tuple of ndarray, shape (n, n)
-        For the functions along a side, then for those through the thickness.
-    """
+def _line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
+    """int f g, int f' g and int f' g' over a part of [-1, 1], of the functions along a side and of those through it."""
     s, weights = gauss(DEGREE + 2, *span)
     plain, derived = line_values(s, False), line_values(s, True)
     pairs = ((plain, plain), (derived, plain), (derived, derived))
@@ -103,7 +92,7 @@ def _reference(face: Interface, span: Span = WHOLE) -> tuple[FloatArray, FloatAr
     chosen = functions(face)
 
     def line(axis: int, one: bool, other: bool) -> FloatArray:
-        square, slope, both = line_integrals(span if axis == 0 else WHOLE)[axis == 2]
+        square, slope, both = _line_integrals(span if axis == 0 else WHOLE)[axis == 2]
         whole = both if one and other else slope if one else slope.T if other else square
         return np.asarray(whole[np.ix_(chosen[:, axis], chosen[:, axis])])
 
@@ -113,26 +102,11 @@ def _reference(face: Interface, span: Span = WHOLE) -> tuple[FloatArray, FloatAr
     return np.array([solid(j, l) for j, l in TRIPLES]), solid(-1, -1)  # noqa: E741
 
 
-def bare_matrices(
+def _bare_matrices(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute K and M of a panel, or of a part of it along x, among all its functions.
-
-    Parameters
-    ----------
-    size_m : tuple of float
-        Length, width and thickness.
-    material : Material
-        Of the panel.
-    face : Interface
-        Degrees along the sides and through the thickness.
-    span : tuple of float, optional
-        Part of [-1, 1] along x.
-
-    Returns
-    -------
-    stiffness, mass : ndarray, shape (3 n, 3 n)
-        Component fastest, scaled by the thickness.
+    """K and M (3 n, 3 n) of a panel, or of what lies within a span of [-1, 1] along x, among all its functions, component
+    fastest, in units of its thickness.
     """
     (parts, mass) = bare_forms(size_m, material, face, span, apart=False)
     return parts[0], mass
@@ -141,25 +115,27 @@ def bare_matrices(
 def bare_forms(
     size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE, apart: bool = True
 ) -> tuple[list[FloatArray], FloatArray]:
-    """Compute K, split by how often it is differentiated across the plate, and M, as `bare_matrices`.
+    """K and M of a bare panel, or of part of it along x, among all its functions.
+
+    Lengths are scaled by the panel's thickness. Degrees of freedom go function by function, u_x, u_y, u_z each.
 
     Parameters
     ----------
-    size_m : tuple of float
-        Length, width and thickness.
+    size_m : (float, float, float)
+        Width, depth and thickness.
     material : Material
-        Of the panel.
+        The plate's.
     face : Interface
-        Degrees along the sides and through the thickness.
-    span : tuple of float, optional
-        Part of [-1, 1] along x.
+        Polynomials of the sides.
+    span : (float, float), optional
+        Part of [-1, 1] along x; all by default.
     apart : bool, optional
-        Split K in three instead of returning its sum.
+        Whether K is split by its number of derivatives across the plate.
 
     Returns
     -------
     stiffness : list of ndarray, shape (3 n, 3 n)
-        Three, or one; scaled.
+        Terms with 0, 1 and 2 derivatives along z, or their sum alone.
     mass : ndarray, shape (3 n, 3 n)
         Scaled.
     """
@@ -185,7 +161,7 @@ def _inside(
     """Eigenvalues (m,) and parity (m, 2) of a panel's inside, and the panel's functions by its degrees of freedom [boundary,
     modes], (b + m, b + m).
     """
-    stiffness, mass = bare_matrices(size_m, material, face)
+    stiffness, mass = _bare_matrices(size_m, material, face)
     b = face.count
     values, modes, parity = _modes(stiffness[b:, b:], mass[b:, b:], face)
     static = -modes @ ((modes.T @ stiffness[b:, :b]) / values[:, None])  # all modes: K_II^-1 = sum of u u' / l
@@ -217,7 +193,7 @@ def bare_strip(
         u_z on the touch face.
     """
     _, _, shapes = _inside(size_m, material, face)
-    stiffness, mass = (shapes.T @ matrix @ shapes for matrix in bare_matrices(size_m, material, face, span))
+    stiffness, mass = (shapes.T @ matrix @ shapes for matrix in _bare_matrices(size_m, material, face, span))
     return stiffness, mass, _touch(size_m, face, span, shapes[2::3])
 
 

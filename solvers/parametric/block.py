@@ -66,7 +66,7 @@ INSIDE = ""  # name of no line
 class ClassForms:
     """A symmetry class's affine matrices among its own degrees of freedom, all of one sparsity pattern.
 
-    stiffness (q, nnz), mass (r, nnz): values; indices, indptr: the pattern of (m, m); fold (3n, m): nodal motion.
+    stiffness (q, nnz), mass (r, nnz): values; their patterns: indices and indptr of (m, m); fold (3n, m): nodal motion.
     """
 
     fold: sp.csr_array
@@ -98,7 +98,7 @@ class Block:
 
     def __init__(self, cell: AffineCell, interface: Interface, signs: tuple[int, int, int]) -> None:
         self.cell, self.interface, self.signs = cell, interface, signs
-        self.forms = class_forms(cell, signs)
+        self.forms = _class_forms(cell, signs)
         self.parity = interface.parity_basis({0: signs[0], 1: signs[1]}, signs[2])
         mesh = cell.mesh
         self.boundary_nodes = np.unique(np.concatenate([mesh.nodes_of("x+"), mesh.nodes_of("y+")]))
@@ -247,21 +247,8 @@ class Sector:
     bases: FloatArray
 
 
-def class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
-    """Build the affine forms of one symmetry class.
-
-    Parameters
-    ----------
-    cell : AffineCell
-        The quarter panel.
-    signs : tuple of int
-        Signs along x and y, and about the diagonal (0 for none).
-
-    Returns
-    -------
-    ClassForms
-        Folded matrices of the class.
-    """
+def _class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
+    """The affine forms of one symmetry class."""
     mirrors = {face: "S" if sign > 0 else "A" for face, sign in zip(("x-", "y-"), signs, strict=False)}
     inside = free_mask(cell.mesh, (), mirrors)
     if signs[2]:
@@ -296,7 +283,7 @@ def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[S
     ReducedBlock
         Matrices and their exponents.
     """
-    basis = inner_basis(block, designs, KEPT, everywhere)
+    basis = _inner_basis(block, designs, KEPT, everywhere)
     exponents = block.cell.stiffness.exponents, block.cell.mass.exponents
     return _block(block, basis, block.forms.each("stiffness"), block.forms.each("mass"), exponents)
 
@@ -317,7 +304,7 @@ def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:
         Valid at that design.
     """
     stiffness, mass = block.stretched(sizes)
-    return _block(block, inner_basis(block, [sizes], ALL), [stiffness], [mass], (ONCE, ONCE))
+    return _block(block, _inner_basis(block, [sizes], ALL), [stiffness], [mass], (ONCE, ONCE))
 
 
 def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedBlock:
@@ -350,31 +337,11 @@ def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedB
     )  # fmt: skip
 
 
-def inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:
-    """Gather functions of the inside, orthonormal in the strain energy of the reference design (a POD).
+def _inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:
+    """Functions of the inside (inner, r), orthonormal in the strain energy of the reference design (a POD, sirovich1987).
 
     The rigid-body modes of every design are among them, so that none meets a force. What a design's snapshots add to those of
     the designs before widens the space; the decomposition is of all snapshots' coordinates in it.
-
-    Parameters
-    ----------
-    block : Block
-        The class on its mesh.
-    designs : iterable of tuple of float
-        In m.
-    kept : float
-        Least energy of a kept direction relative to the largest.
-    everywhere : iterable of tuple of float, optional
-        Designs, in m, whose rigid-body modes are also included.
-
-    Returns
-    -------
-    ndarray, shape (inner, r)
-        The functions.
-
-    References
-    ----------
-    .. [1] sirovich1987 (docs/references.bib)
     """
     designs = list(designs)
     stiffness, _ = block.stretched(block.cell.reference)
@@ -433,23 +400,23 @@ def symmetric(matrices: FloatArray) -> FloatArray:
 
 
 def chosen(block: Block, designs: Sequence[Sizes], missed: float) -> list[Sizes]:
-    """Choose designs whose span represents every design.
+    """Choose designs that hold the motions of all, the worst next (a greedy search).
 
-    The first design, then more until no motion of unit strain energy of any design has more than `missed` of that energy
-    outside the span of the chosen ones.
+    It begins with the first design. It ends when no motion of unit strain energy of any design has more than `missed`
+    of that energy outside the span of those chosen.
 
     Parameters
     ----------
     block : Block
-        The class on its mesh.
-    designs : sequence of tuple of float
-        In m.
+        The class, on a coarse mesh.
+    designs : sequence of (float, float, float, float)
+        Thickness, height, side and pitch in m of each design.
     missed : float
-        Largest fraction of the energy.
+        Fraction of a motion's energy.
 
     Returns
     -------
-    list of tuple of float
+    list of (float, float, float, float)
         The chosen ones, in m.
     """
     left = dict(zip(designs, _motions(block, designs), strict=True))
@@ -479,45 +446,15 @@ STAGGERED = Symmetry(
 )  # the zone's oblique sides are left alone by no mirror
 
 
-def symmetry_of(lattice: Lattice, is_alike: bool) -> Symmetry:
-    """Return the symmetry of a lattice: staggered, or in line, whose cell is or is not its own image by exchanging x and y.
-
-    Parameters
-    ----------
-    lattice : Lattice
-        The lattice of the rows.
-    is_alike : bool
-        Whether the cell is its own image with x and y exchanged.
-
-    Returns
-    -------
-    Symmetry
-        Classes and sectors.
-    """
+def _symmetry_of(lattice: Lattice, is_alike: bool) -> Symmetry:
+    """The symmetry of rows in line whose cell is, or is not, its own image with x and y exchanged, or of staggered rows."""
     return STAGGERED if lattice.is_centred else ALIKE if is_alike else UNLIKE
 
 
-def line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
-    """Name the line of the zone, by its ends, on which a wavevector lies and which a mirror leaves alone.
+def _line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
+    """The line of the zone that a wavevector in units of pi / pitch lies on and that a mirror leaves alone, by its ends.
 
-    Parameters
-    ----------
-    fraction : ndarray, shape (2,)
-        Wavevector in units of pi / pitch.
-    lattice : Lattice
-        The lattice of the rows.
-    symmetry : Symmetry
-        Its classes and sectors.
-
-    Returns
-    -------
-    str
-        Such as "GX".
-
-    Raises
-    ------
-    SolverError
-        For any other wavevector of rows in line: paths follow the sides of the irreducible Brillouin zone.
+    SolverError for any other wavevector of rows in line: paths run along the sides of the irreducible Brillouin zone.
     """
     (x, y), (end_x, end_y) = np.round(fraction, 12), np.round(np.diag(lattice.reciprocal_per_m) / (2.0 * np.pi), 12)
     end_x = end_x * (1 + lattice.is_centred)
@@ -528,21 +465,8 @@ def line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
     raise SolverError(f"wavevector {x:g}, {y:g} pi/pitch: no mirror of the cell leaves it alone")
 
 
-def parities(face: Interface, symmetry: Symmetry) -> tuple[FloatArray, ...]:
-    """List each class's polynomials among the cell's own; the image of a class by exchanging x and y comes last.
-
-    Parameters
-    ----------
-    face : Interface
-        Degrees along the sides and through the thickness.
-    symmetry : Symmetry
-        Its classes.
-
-    Returns
-    -------
-    tuple of ndarray, shape (boundary, m)
-        One per member.
-    """
+def _parities(face: Interface, symmetry: Symmetry) -> tuple[FloatArray, ...]:
+    """Each member's polynomials among the cell's own, (boundary, m); the image of a class by exchanging x and y."""
     own = [face.parity_basis({0: x, 1: y}, diagonal) for x, y, diagonal in symmetry.classes]
     images = len(symmetry.members) - len(symmetry.classes)
     return (*own, *(one[face.diagonal()] for one in own[len(own) - images :]))
@@ -657,9 +581,9 @@ def _span(motions: FloatArray) -> FloatArray:
 def _sectors(
     face: Interface, fractions: tuple[tuple[float, float], ...], lattice: Lattice, is_alike: bool
 ) -> tuple[Sector, ...]:
-    symmetry = symmetry_of(lattice, is_alike)
-    lines = np.array([line_of(np.array(fraction), lattice, symmetry) for fraction in fractions])
-    classes, out = parities(face, symmetry), []
+    symmetry = _symmetry_of(lattice, is_alike)
+    lines = np.array([_line_of(np.array(fraction), lattice, symmetry) for fraction in fractions])
+    classes, out = _parities(face, symmetry), []
     for name, pair in symmetry.sectors.items():
         points = np.flatnonzero(lines == name)
         phases = [lattice.phases(np.pi * np.array(fractions[point])) for point in points]
@@ -689,6 +613,7 @@ def _basis(
     for number, factor in members:
         panel = number // len(QUARTERS) if count > 1 else 0
         turn = np.exp(-1j * phase[0] * panel / count)
+        # a class odd under the half turn has imaginary coordinates: times -i they are real
         turn = turn * (1.0 if symmetry.members[number][0] == symmetry.members[number][1] else -1j)
         stored = min(number, len(symmetry.classes) - 1)
         pieces[stored] = pieces.get(stored, 0.0) + factor * turn * (classes[number].T @ panels[panel])

@@ -107,10 +107,11 @@ class ParametricCell:
         stiffness, mass = np.tensordot(theta_k, block.stiffness, axes=1), np.tensordot(theta_m, block.mass, axes=1)
         factor = cho_factor(stiffness[f:, f:])
         shapes = np.vstack([boundary, -cho_solve(factor, stiffness[f:, :f] @ boundary)])
-        pushed = mass[f:] @ shapes
+        pushed = mass[f:] @ shapes  # inertia of the constraint modes: each pushes the inside by l times this
         flexible = cho_solve(factor, pushed)
         values, modes = eigh(stiffness[f:, f:], mass[f:, f:], subset_by_index=(0, inner.modes - 1), driver="gvx")
         left = flexible - (modes / values) @ (modes.T @ pushed)  # what the modes left out answer, per eigenvalue
+        # of all boundary motions, those of unit energy whose lost answer is largest give the further functions
         energy = shapes.T @ (stiffness @ shapes + BESIDE * (mass @ shapes))
         lost = pushed.T @ left
         _, along = eigh(lost, energy, subset_by_index=(max(width - inner.residual, 0), width - 1), driver="gvx")
@@ -123,6 +124,7 @@ class ParametricCell:
         dropped_hz = float(self.scale.frequency(values[-1:])[0])
         coupling = own[1][:width, width:]
         values = np.concatenate([values, more_values])
+        # residual flexibility (`Cell.dropped`) of what neither modes nor further functions hold
         lost = pushed.T @ flexible - (coupling / values) @ coupling.T
         hz, touch = self.scale.frequency(values), block.touch @ shapes
         return ClassAtDesign(block.signs, parity, own, hz, dropped_hz, lost, touch, shapes)
@@ -138,8 +140,8 @@ class ParametricCell:
 class ClassAtDesign:
     """A class of one design: K and M among its boundary polynomials and inner functions.
 
-    lost (m, m): what inner functions left out would answer, as Cell.dropped; touch (p, m): u_z at the touch points; shapes:
-    both in the block's basis.
+    lost (m, m): residual flexibility of the inner functions left out, as `Cell.dropped`; touch (p, m): u_z at the touch
+    points; shapes: both in the block's basis.
     """
 
     signs: IntArray

@@ -107,14 +107,14 @@ class Condensed:
         if key not in self.rows:
             parts = [self._stiff(cell, top, about) for cell in cells]
             row = Row(Periodic([stiff for _, stiff, _ in parts]), kx)
-            step = condense(real_row(row), 2 * row.edge, top, about)
+            step = _condense(real_row(row), 2 * row.edge, top, about)
             self.rows[key] = CondensedRow(row, step, [shapes for _, _, shapes in parts])
         return self.rows[key]
 
     def _stiff(self, cell: Cell, top: float, about: float) -> tuple[Cell, Cell, FloatArray]:
         at = id(cell), top, about
         if at not in self.cells:
-            self.cells[at] = cell, *stiff_inside(cell, top, about)  # the cell itself, lest another takes its id
+            self.cells[at] = cell, *_stiff_inside(cell, top, about)  # the cell itself, lest another takes its id
         return self.cells[at]
 
 
@@ -150,7 +150,7 @@ class Chain:
                 at = np.concatenate([np.arange(e), 2 * e + modes + np.arange(more)])
                 own[np.ix_(at, at)] += getattr(behind, name)
             whole.append(own[np.ix_(order, order)])
-        self.steps.append(condense((whole[0], whole[1]), e, self.top, self.about))
+        self.steps.append(_condense((whole[0], whole[1]), e, self.top, self.about))
 
     @property
     def _free(self) -> IntArray:
@@ -260,7 +260,7 @@ class FinitePlate:
         moved = even * piece.even + odd * piece.odd
         stiffness, mass, touch = bare_strip(cell.size_m, self.design.stack.material, cell.interface, span)
         if not piece.bare:
-            moved = without_pillar(
+            moved = _without_pillar(
                 bare_cell(cell.size_m, self.design.stack.material, cell.interface), moved[: cell.interface.count], about
             )
         rule = _at_quadrature(touch, [line - piece.middle for line in self.design.touch_lines_m])
@@ -431,28 +431,10 @@ class FiniteModes:
         return self.scale.frequency(values), turn, self.faces.measured(turn)
 
 
-def condense(pair: Pair, kept: int, top: float, about: float) -> Step:
-    """Eliminate all but the first degrees of freedom; modes of the rest up to an eigenvalue stay.
+def _condense(pair: Pair, kept: int, top: float, about: float) -> Step:
+    """Drop all but the first `kept` degrees of freedom; modes of the rest up to the eigenvalue `top` stay.
 
-    The answer of the other modes is exact at one eigenvalue (leung1978): errors grow with the square of the distance.
-
-    Parameters
-    ----------
-    pair : tuple of ndarray, shape (n, n)
-        K and M.
-    kept : int
-        Number of degrees of freedom that stay.
-    top, about : float
-        Scaled eigenvalues: of the highest kept mode, and where the reduction is exact.
-
-    Returns
-    -------
-    Step
-        Shapes and reduced matrices.
-
-    References
-    ----------
-    .. [1] leung1978 (docs/references.bib)
+    What the other modes answer is exact at the eigenvalue `about` (leung1978): errors grow with the square of the distance.
     """
     stiffness, mass = (matrix[kept:, kept:] for matrix in pair)
     pull = pair[0][kept:, :kept] - about * pair[1][kept:, :kept]
@@ -547,22 +529,9 @@ def real_row(row: Row) -> Pair:
     return out[0], out[1]
 
 
-def stiff_inside(cell: Cell, top: float, about: float) -> tuple[Cell, FloatArray]:
-    """Replace the fixed-interface modes beyond an eigenvalue by their answer at another one, the same at every wavenumber.
-
-    Parameters
-    ----------
-    cell : Cell
-        The reduced cell.
-    top, about : float
-        Scaled eigenvalues: of the highest kept mode, and where the answer is exact.
-
-    Returns
-    -------
-    cell : Cell
-        With fewer modes.
-    shapes : ndarray, shape (dof, kept)
-        Its degrees of freedom as motions of the cell.
+def _stiff_inside(cell: Cell, top: float, about: float) -> tuple[Cell, FloatArray]:
+    """The cell whose fixed-interface modes beyond the eigenvalue `top` answer as at `about`, and its degrees of freedom as
+    motions of the cell, (dof, kept). It is the same at every wavenumber.
     """
     b = cell.interface.count
     stiffness, mass = (np.diag(matrix)[b:] for matrix in (cell.stiffness, cell.mass))
@@ -594,23 +563,8 @@ def wavenumbers(design: Design) -> FloatArray:
     return np.asarray(pi / (BEYOND * design.length_m) * np.arange(lines % 2, last + 1), dtype=float)
 
 
-def without_pillar(bare: Cell, boundary: FloatArray, about: float) -> FloatArray:
-    """Compute a bare cell's motion from that of its boundary at one eigenvalue.
-
-    Parameters
-    ----------
-    bare : Cell
-        The bare cell.
-    boundary : ndarray, shape (b, n)
-        Motion of its boundary.
-    about : float
-        Scaled eigenvalue.
-
-    Returns
-    -------
-    ndarray, shape (dof, n)
-        Motion of the cell.
-    """
+def _without_pillar(bare: Cell, boundary: FloatArray, about: float) -> FloatArray:
+    """A bare cell's motion (dof, n) at the eigenvalue `about` where its boundary moves by (b, n)."""
     b = len(boundary)
     values = np.diag(bare.stiffness)[b:]
     return np.vstack([boundary, (about / (values - about))[:, None] * (bare.mass[b:, :b] @ boundary)])

@@ -341,7 +341,7 @@ class ForcedPlate:
         if self.circuit == "open":
             charged[self.drivers] = (self.signs * capacitance)[self.drivers]
         volts[fed] = (self.signs if self.feed is None else self.feed)[fed]
-        if left:
+        if left:  # charges of open patches are given: Q = theta' u + C V is solved for their voltages
             moved = charge()[..., left, :]
             clamped = moved[..., left] + np.diag(capacitance[left])
             given = charged[left] - moved[..., fed] @ volts[fed]

@@ -291,29 +291,29 @@ def bonded_patch(
     mesh: HexSettings | None = None,
     cache: PatchCache | None = None,
 ) -> BondedPatch:
-    """Mesh and condense a patch that is bonded below (on the plate's back) or above (on its touch face).
+    """Condense a patch at its place to the nodes of its bonded face.
 
     It is computed unless this process or the cache holds an equal one.
 
     Parameters
     ----------
     material : PiezoMaterial
-        Poled through the thickness.
+        Piezoceramic.
     box_m : ndarray, shape (4,)
         Footprint x0, x1, y0, y1.
     thickness_m : float
-        Thickness.
+        Thickness of the patch.
     above : bool
-        On the touch face.
+        True for a patch on the plate's back, bonded by its lower face; False for one on the touch face.
     mesh : HexSettings, optional
         Elements; MESH by default.
     cache : PatchCache, optional
-        Folder of condensed patches.
+        Store of patches between runs.
 
     Returns
     -------
     BondedPatch
-        Stiffness and mass at the bonded face, load and capacitance.
+        Matrices in SI units.
     """
     x0, x1, y0, y1 = (float(end) for end in box_m)
     size = round(x1 - x0, 12), round(y1 - y0, 12)
@@ -359,7 +359,7 @@ def with_potential(
     own = np.concatenate([motion, potential[inside]])
     scalar = forms.mass(np.full(len(mesh.cells), material.density_kg_m3))
     heavy = sp.block_diag([sp.kron(scalar, np.eye(3)), sp.csr_array((inside.sum(),) * 2)], format="csr")
-    # a field E_z = -V/t has the potential V z/t: N times it is -theta V
+    # a field E_z = -V/t has the potential V z/t: N times it is -theta V; an even field puts no charge on inner nodes
     theta = np.concatenate([every[motion][:, potential] @ height / (-thickness_m * size), np.zeros(inside.sum())])
     area = float(np.ptp(mesh.nodes[:, 0]) * np.ptp(mesh.nodes[:, 1]))
     capacitance = float(material.permittivity_clamped_f_m[2, 2]) * area / thickness_m

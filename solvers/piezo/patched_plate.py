@@ -97,7 +97,7 @@ class Group:
 
     def gain(self, vectors: FloatArray, values: FloatArray) -> FloatArray:
         """Gains (k, patches) of the loads on modes (dof, k), each at its own eigenvalue (k,)."""
-        return gains_at(vectors, values / self.eigenvalue if self.eigenvalue else None, self.loads, self.inertia)
+        return _gains_at(vectors, values / self.eigenvalue if self.eigenvalue else None, self.loads, self.inertia)
 
     @property
     def symmetries(self) -> tuple[str, ...]:
@@ -114,7 +114,7 @@ class Group:
 
 
 class PatchedPlate:
-    """Patches on the bare face of a plate; lengths in m, forces and charges in SI after `unscaled`.
+    """Patches on the bare face of a plate; lengths in m, K and loads scaled: `stiffness_unit` times them is SI.
 
     `plates`: the plate by symmetry class, or the whole one alone under WHOLE. at_hz: frequency of the loads, whose part due
     to the patches' inertia goes with the square of the frequency; at rest without it.
@@ -192,7 +192,7 @@ class PatchedPlate:
             part, motion = bond.parts[-1], self.motion(plates, number, -1)
             coarse[:, number] = motion.T @ part.load
             coarse_inertia[:, number] = motion.T @ part.inertia
-        shares = joint_shares([bond.shares for bond in self.bonds])
+        shares = _joint_shares([bond.shares for bond in self.bonds])
         return Group(
             tuple(plates),
             partial(self._pencil, plates, 0),
@@ -258,7 +258,7 @@ class PatchedPlate:
     def _bare(self, plate: AssembledPlate, mesh: int) -> PlainPencil:
         """K and M of a class without patches, kept from the finest mesh of the patches to the next, which begins with them."""
         pencil = self._pencils.pop(plate.symmetry, None) or plate.pencil()
-        if mesh == 0 and joint_shares([bond.shares for bond in self.bonds]):
+        if mesh == 0 and _joint_shares([bond.shares for bond in self.bonds]):
             self._pencils[plate.symmetry] = pencil
         return pencil
 
@@ -404,46 +404,18 @@ class ExtrapolatedModes:
     images: tuple[FloatArray, FloatArray]
 
 
-def gains_at(
+def _gains_at(
     vectors: FloatArray, growth: FloatArray | None, loads: FloatArray, inertia: FloatArray | None
 ) -> FloatArray:
-    """Compute the gains of loads on modes.
-
-    Parameters
-    ----------
-    vectors : ndarray, shape (dof, k)
-        M-orthonormal modes.
-    growth : ndarray, shape (k,), or None
-        Factor on the part by inertia.
-    loads : ndarray, shape (dof, patches)
-        Scaled loads.
-    inertia : ndarray, shape (dof, patches), or None
-        Their part by inertia.
-
-    Returns
-    -------
-    ndarray, shape (k, patches)
-        Scaled gains.
-    """
+    """Gains (k, patches) of loads on modes (dof, k); growth (k,): of their part by inertia."""
     gain = vectors.T @ loads
     if growth is None or inertia is None:
         return np.asarray(gain)
     return np.asarray(gain + (growth - 1.0)[:, None] * (vectors.T @ inertia))
 
 
-def joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | None:
-    """Average the error fractions of several patches; their differences add to the uncertainty.
-
-    Parameters
-    ----------
-    shares : sequence of ErrorFractions or None
-        One per patch.
-
-    Returns
-    -------
-    ErrorFractions or None
-        None if one has none.
-    """
+def _joint_shares(shares: Sequence[ErrorFractions | None]) -> ErrorFractions | None:
+    """Mean error fractions of several patches, whose differences add to the uncertainty; None if one has none."""
     known = [each for each in shares if each is not None]
     if not known or len(known) < len(shares):
         return None
@@ -610,6 +582,7 @@ def _aligned(
     """
     pencil, (values, heavy) = coarser.join(), modes
     factor, shift = factor_near(pencil, amid(values), group.factorise)
+    # one inverse iteration from the finer mesh's modes, then Rayleigh-Ritz in its span: the coarser mesh's own modes
     force = heavy * (values - shift)  # of answers as long as the modes
     moved = factor.solve(force)
     factor.free()
@@ -623,6 +596,6 @@ def _aligned(
     own = np.diag(values)
     change = (turn.T * eigenvalues) @ turn - fine.T @ own @ fine
     growth = eigenvalues / group.eigenvalue if group.eigenvalue else None
-    other = turn.T @ gains_at(moved, growth, coarser.loads, coarser.inertia) - fine.T @ gain
+    other = turn.T @ _gains_at(moved, growth, coarser.loads, coarser.inertia) - fine.T @ gain
     known = (fine**2).sum(axis=1)
     return own + fine @ change @ fine.T, gain + fine @ other, known

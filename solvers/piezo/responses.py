@@ -470,9 +470,10 @@ def admittance(forced: ForcedPlate, frequency_hz: FloatArray) -> ComplexArray:
 def frequency_errors(basis: GroupModes) -> FrequencyErrors:
     """Estimate the frequency errors of a group's modes.
 
-    By the plate's mesh and its truncation as for a plate without patches, the patches' stiffness in K; by the mesh of the bond;
-    and by F, which is that at rest: at the mode's eigenvalue l it is larger by l / (L - l) at most, L the lowest eigenvalue
-    left out of the panels, and each f of the patches' forces lowers l by f'F f.
+    The plate's mesh and its truncation are estimated as for a plate without patches, with the patches' stiffness in K.
+    The coarser mesh of the bond shows the error of the finer one. F is known at rest. At the mode's eigenvalue l it is
+    larger by l / (L - l) at most, L the lowest eigenvalue of the panels' discarded modes. The patches' forces f lower l
+    by f'F f.
 
     Parameters
     ----------
@@ -482,7 +483,7 @@ def frequency_errors(basis: GroupModes) -> FrequencyErrors:
     Returns
     -------
     FrequencyErrors
-        Half-widths (k,) each.
+        Relative half-widths (k,) each.
     """
     if basis not in _KNOWN:
         _KNOWN[basis] = _estimated(basis)

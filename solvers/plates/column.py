@@ -58,11 +58,11 @@ def level_bars(frequency_hz: FloatArray, level_db: FloatArray, error: float | No
     Parameters
     ----------
     frequency_hz, level_db : ndarray, shape (n,)
-        The samples, ascending; NaN for no level.
+        The samples, ascending in frequency; NaN for no level.
     error : float or None
         Relative error bar of the frequencies, dimensionless; None without an estimate.
     level : callable
-        The level in dB at a frequency in Hz; called where the samples do not resolve the curve.
+        Returns the level in dB at a frequency in Hz; called where the samples do not resolve the curve.
 
     Returns
     -------
@@ -120,29 +120,13 @@ DECIBELS = 20.0 / log(10.0)
 MOST = 0.45  # relative: eigenvalues stay positive
 
 
-def mode_errors(
+def _mode_errors(
     column: Assembly, pencil: tuple[ComplexArray, ComplexArray], value: FloatArray, vectors: ComplexArray
 ) -> ModeErrors:
-    """Estimate the errors of a column's modes.
+    """Estimate the errors of M-orthonormal modes (dof, k) of a column and its K and M with scaled eigenvalues (k,).
 
-    Discarded fixed-interface modes cost l u^H D u / 2, with D the residual flexibility. What the last degree along the sides
-    changed bounds the next ones, and so does that through the thickness where cells have further ones.
-
-    Parameters
-    ----------
-    column : Assembly
-        The joined cells.
-    pencil : tuple of ndarray, shape (dof, dof)
-        Scaled K and M.
-    value : ndarray, shape (k,)
-        Scaled eigenvalues.
-    vectors : ndarray, shape (dof, k)
-        M-orthonormal modes.
-
-    Returns
-    -------
-    ModeErrors
-        Relative errors of the frequencies, infinite where unknown.
+    What they lose by discarded fixed-interface modes is l u^H D u / 2, D the residual flexibility; what the last degree on the
+    sides brought bounds the next ones, as that through the thickness does where cells know further ones.
     """
     with np.errstate(invalid="ignore"):
         modes = by_modes(column, value, vectors)
@@ -206,13 +190,14 @@ def forced_bars(
     own = [np.einsum("q,qk->k", weights, np.abs(values) ** 2)[:, None] for weights, values in parts]
     squares = [np.maximum(np.einsum("kt,kt->t", share.conj(), each).real, 1e-300) for each in projected]
     single = np.zeros_like(moved)
-    for sign in (-1.0, 1.0):
+    for sign in (-1.0, 1.0):  # d_jj: each frequency at either end of its bar, the changes of all modes added
         change = force[:, None] / ((1.0 + sign * error[:, None]) ** 2 * stiff - moved) - share
         grown = [
             np.maximum(1.0 + (2.0 * (change.conj() * each).real + np.abs(change) ** 2 * norm) / whole, 1e-12)
             for each, norm, whole in zip(projected, own, squares, strict=True)
         ]
         single = np.maximum(single, DECIBELS / 2.0 * np.abs(np.log(grown[0] / grown[1])).sum(axis=0))
+    # d_ij: the amplitudes that all other modes add to each, by the root of their squares
     source = 2.0 * error[:, None] * np.sqrt(np.abs(value))[:, None] * np.abs(share)
     others = np.sqrt(np.maximum((source**2).sum(axis=0) - source**2, 0.0))
     added = np.sqrt(np.abs(value))[:, None] * others / np.abs(stiff - moved)
@@ -353,7 +338,7 @@ class Column:
             return Overlaps.between(parts).mixing_db(tones_hz, index, error)
 
         modes = AcrossModes(tones_hz, measure_profile(own, self.design))
-        errors = lambda: mode_errors(self, self.pencil(), stiff, vectors)  # noqa: E731
+        errors = lambda: _mode_errors(self, self.pencil(), stiff, vectors)  # noqa: E731
         return Driven(modes, forced.confinement_db, errors, bar_db, mixing_db)
 
     def solve(self, low_hz: float, high_hz: float) -> tuple[FloatArray, ComplexArray]:

@@ -42,24 +42,10 @@ class EffectiveMass:
     coupling: FloatArray
 
 
-def root_compliance(pillar: Pillar) -> float:
-    """Compute the rotation of a pillar's foot in an elastic half-space per moment: 16.67/(pi E a^3).
+def _root_compliance(pillar: Pillar) -> float:
+    """Rotation of the pillar's foot in an elastic half-space per moment, rad/(N m): 16.67/(pi E a^3).
 
-    Plane stress, for a square section of side a; another section counts as the square of equal area.
-
-    Parameters
-    ----------
-    pillar : Pillar
-        Section in m, material in Pa.
-
-    Returns
-    -------
-    float
-        In rad/(N m).
-
-    References
-    ----------
-    .. [1] odonnell1960 (docs/references.bib)
+    Plane stress, for a square section of side a; another one has that of the square of equal area. Source: odonnell1960.
     """
     return ROOT / (pillar.material.rod(2).young_pa * pillar.form.section.area_m2**1.5)
 
@@ -95,7 +81,7 @@ def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0
     stiffness = _gram(bent, bent, weight * beam.bending_n_m2 * ratio**4)
     stiffness += _gram(shear, shear, weight * beam.shear_n * ratio**2)
     heavy, rotary = _inertias(beam, weight, ratio)
-    if compliance > 0.0:
+    if compliance > 0.0:  # one more coordinate: the pillar's rigid rotation against a spring at its foot
         deflection, turn = np.column_stack([deflection, length * s]), np.column_stack([turn, np.ones_like(s)])
         stiffness = np.pad(stiffness, (0, 1))
         stiffness[-1, -1] = 1.0 / compliance
@@ -179,26 +165,26 @@ _GAUSS = legendre.leggauss(4)
 
 
 def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float = 0.5) -> AcrossModes:
-    """Compute the strip's modes in a frequency band.
+    """Solve the modes of a plate as one strip, within a window.
 
     Parameters
     ----------
     design : Design
-        The plate, lengths in m.
+        The plate.
     low_hz, high_hz : float
-        Ends of the band, inclusive.
+        Ends of the window.
     softness : float, optional
-        Factor on the compliance of the pillars' feet beyond the strip's own bending: 1 is a half-space.
+        Fraction of a half-space's compliance that the pillars' feet have, in addition to the strip's own bending.
 
     Returns
     -------
     AcrossModes
-        Frequencies (n,) in Hz and their profiles.
+        Frequencies and measures (k,).
 
     Raises
     ------
     SolverError
-        For a design without zone or thickness.
+        If the design lacks a zone or a thickness.
     """
     frequency_hz, profile = _solved(design, (low_hz, high_hz), softness)
     return AcrossModes(frequency_hz, measure_profile(profile, design))
@@ -326,8 +312,8 @@ def _with_rows(
 
     @cache
     def bodies(pillar: Pillar) -> tuple[EffectiveMass, EffectiveMass]:
-        give_way = softness * root_compliance(pillar)
-        return bending_effective_mass(pillar, design.thickness_m / 2.0, give_way), lifting_effective_mass(pillar)
+        compliance = softness * _root_compliance(pillar)
+        return bending_effective_mass(pillar, design.thickness_m / 2.0, compliance), lifting_effective_mass(pillar)
 
     for row, y in _rows(design):
         pillar = design.row_pillars[row]

@@ -61,25 +61,10 @@ class ModalTable:
         return int(np.argmin(np.abs(self.frequencies_hz - frequency_hz)))
 
 
-def receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Compute 1/(omega_m^2 - omega^2 + i omega omega_m/Q_m) of every mode.
+def _receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
+    """1/(omega_m^2 - omega^2 + i omega omega_m/Q_m), s2, shape (m,).
 
-    Parameters
-    ----------
-    table : ModalTable
-        Modes of 1 kg.
-    frequency_hz : float
-        Frequency of the drive.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        In s^2.
-
-    Raises
-    ------
-    SolverError
-        For a frequency that is not above 0, or that of a mode without loss.
+    Raises SolverError for a frequency that is not above 0, and on the very frequency of a mode without loss.
     """
     check_above_zero("frequency in Hz", frequency_hz)
     omega = 2.0 * pi * frequency_hz
@@ -94,71 +79,71 @@ def receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
 
 
 def modal_drive(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Compute the modal coordinates per volt.
+    """Modal coordinates per volt of each actuator.
 
     Parameters
     ----------
     table : ModalTable
-        Modes and actuators.
+        The structure.
     frequency_hz : float
-        Frequency of the drive.
+        Driving frequency.
 
     Returns
     -------
     ndarray, shape (m, a)
-        In sqrt(kg) m/V.
+        Complex, in m sqrt(kg) per volt.
 
     Raises
     ------
     SolverError
-        As `receptance`.
+        For a frequency that is not above 0, or that of a mode without loss.
     """
-    return np.asarray(receptance(table, frequency_hz)[:, None] * table.actuators)
+    return np.asarray(_receptance(table, frequency_hz)[:, None] * table.actuators)
 
 
 def sensor_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Compute T(omega), the sensors' signals per volt.
+    """Transfer matrix T(omega): signals per volt.
 
     Parameters
     ----------
     table : ModalTable
-        Modes, actuators and sensors.
+        The structure.
     frequency_hz : float
-        Frequency of the drive.
+        Driving frequency.
 
     Returns
     -------
     ndarray, shape (s, a)
-        In the sensors' unit per volt.
+        Complex, in the sensors' unit per volt; the static residual is included.
 
     Raises
     ------
     SolverError
-        As `receptance`.
+        For a frequency that is not above 0, or that of a mode without loss.
     """
     modal: ComplexArray = table.sensors.T @ modal_drive(table, frequency_hz)
     return modal if table.sensor_residual is None else modal + table.sensor_residual
 
 
 def field_matrix(table: ModalTable, frequency_hz: float) -> ComplexArray:
-    """Compute the displacement at the points per volt.
+    """Displacement at the table's points per volt.
 
     Parameters
     ----------
     table : ModalTable
-        Modes, actuators and points.
+        The structure.
     frequency_hz : float
-        Frequency of the drive.
+        Driving frequency.
 
     Returns
     -------
     ndarray, shape (p, a)
-        In m/V.
+        Complex, in m/V; the static residual is included.
 
     Raises
     ------
     SolverError
-        As `receptance`.
+        For a frequency that is not above 0, or that of a mode without loss.
     """
     modal: ComplexArray = table.field.T @ modal_drive(table, frequency_hz)
     return modal if table.field_residual is None else modal + table.field_residual

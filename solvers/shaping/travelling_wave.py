@@ -163,7 +163,7 @@ def inner_window(points_m: FloatArray, low_m: float, high_m: float) -> BoolArray
 
 @dataclass(frozen=True)
 class TwoWaves:
-    """w = forward e^{-ikx} + backward e^{+ikx} fitted: complex amplitudes, k in rad/m, rest = |residual|/|w| (rms)."""
+    """w = forward e^{-ikx} + backward e^{+ikx} fitted: complex amplitudes, k in rad/m; residual: |w - fit|/|w| (rms)."""
 
     forward: complex
     backward: complex
@@ -178,28 +178,28 @@ class TwoWaves:
 
 
 def two_wave_fit(x_m: FloatArray, displacement: ComplexArray, guess: float) -> TwoWaves:
-    """Fit both waves and their wavenumber by least squares, within a factor of 1.5 of a guess.
+    """Fit both waves and their wavenumber by least squares.
 
-    The near fields of ends and patches remain in `rest`.
+    The wavenumber is searched within a factor of 1.5 of a guess. Near fields of ends and patches stay in the residual.
 
     Parameters
     ----------
     x_m : ndarray, shape (p,)
-        Places.
+        Points along the line.
     displacement : ndarray, shape (p,)
-        Complex displacement in any unit.
+        Complex field there.
     guess : float
-        Wavenumber, in rad/m.
+        Wavenumber in rad/m.
 
     Returns
     -------
     TwoWaves
-        Amplitudes of both waves, wavenumber and relative residual.
+        Amplitudes in the field's unit, wavenumber and relative residual.
 
     Raises
     ------
     SolverError
-        For fewer than 8 points, or a field of zeros.
+        If there are fewer than MIN_COUNT points, or the field is zero everywhere.
     """
     if len(x_m) < MIN_COUNT or not np.abs(displacement).any():
         raise SolverError(f"a two-wave fit needs {MIN_COUNT} points of a field that is not zero, {len(x_m)} came")
@@ -308,7 +308,7 @@ def hold_modes(table: ModalTable, frequency_hz: float, held: dict[int, complex],
     ------
     SolverError
         For an unknown mode, a mode that no actuator drives, or a negative weight; as `drive_voltages` and
-        `receptance`.
+        `modal_drive`.
     """
     count = table.frequencies_hz.size
     for mode in held:

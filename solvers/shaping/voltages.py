@@ -225,21 +225,8 @@ def quantiles(values: FloatArray) -> dict[str, Any]:
     return {"q05": float(low), "median": float(middle), "q95": float(high)}
 
 
-def unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
-    """Draw normally distributed phasors of rms 1.
-
-    Parameters
-    ----------
-    random : Generator
-        Source of random numbers.
-    shape : tuple of int
-        Shape of the result.
-
-    Returns
-    -------
-    ndarray, shape `shape`
-        Complex phasors.
-    """
+def _unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
+    """Normally distributed phasors of rms 1."""
     return np.asarray((random.standard_normal(shape) + 1j * random.standard_normal(shape)) / np.sqrt(2.0))
 
 
@@ -418,6 +405,7 @@ def attach_oscillators(
             raise SolverError(f"oscillators: {name} = {value:g}: must be above 0")
     modes, hung = table.frequencies_hz.size, len(chosen)
     spring = mass_kg * (2.0 * pi * frequency_hz) ** 2
+    # coordinates: the table's modes (mass 1), then each oscillator's own displacement; a spring stretches by w(x_i) - a_i
     stretch = np.hstack([table.field[:, chosen].T, -np.eye(hung)])
     own, springs = np.zeros((modes + hung,) * 2), spring * stretch.T @ stretch
     own[:modes, :modes] = np.diag(table.angular**2)
@@ -458,7 +446,7 @@ def confinement(table: ModalTable, frequency_hz: float, inside: BoolArray, drive
     Raises
     ------
     SolverError
-        For an unknown driver; as `best_contrast` and `receptance`.
+        For an unknown driver; as `best_contrast` and `field_matrix`.
     """
     if not 0 <= driver < table.actuator_count:
         raise SolverError(f"driver {driver}: must be from 0 to {table.actuator_count - 1}")
@@ -531,8 +519,8 @@ def _misjudged(matrix: ComplexArray, errors: Errors, random: np.random.Generator
         1j * errors.phase_rad * random.standard_normal(size)
     )
     neighbours = np.eye(size, k=1) + np.eye(size, k=-1)
-    heard = np.eye(size) + errors.crosstalk * neighbours * unit_phasors(random, (size, size))
-    noise = errors.noise * float(np.abs(matrix).max()) * unit_phasors(random, matrix.shape)
+    heard = np.eye(size) + errors.crosstalk * neighbours * _unit_phasors(random, (size, size))
+    noise = errors.noise * float(np.abs(matrix).max()) * _unit_phasors(random, matrix.shape)
     return np.asarray(gains[:, None] * (heard @ matrix) + noise)
 
 
