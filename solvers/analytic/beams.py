@@ -134,7 +134,7 @@ def root_between(
     Raises
     ------
     SolverError
-        If f has the same sign at both ends, or a value is not finite.
+        If f has the same sign at both ends, a value is not finite, or no root is found within MAX_COUNT steps.
 
     References
     ----------
@@ -379,9 +379,9 @@ def assemble_beam(nodes_m: FloatArray, sections: FloatArray) -> BeamMatrices:
 
     Parameters
     ----------
-    nodes_m : ndarray, shape (n,)
+    nodes_m : ndarray, shape (n + 1,)
         Nodes, ascending.
-    sections : ndarray, shape (n - 1, 4)
+    sections : ndarray, shape (n, 4)
         EA (N), ES (N m), EI (N m^2) about the beam's middle plane and rho A (kg/m) of each element.
 
     Returns

@@ -327,7 +327,7 @@ def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, 
     frequency_hz : ndarray, shape (modes,)
         Ascending.
     coordinates : ndarray, shape (modes, columns)
-        Unit vectors over the groups' modes and residuals, group after group.
+        Of each mode on the groups' modes and residuals, group after group: M times its vector.
     """
     stiffness, mass, loads = _projected(forced)
     plate = forced.plate
