@@ -22,6 +22,7 @@ from pipeline import workers
 from pipeline.batch.job import CaseEnd, Compute, Forecast, Job, Planned, record_loss, run_case
 from pipeline.errors import InputError
 from pipeline.logs import close_abandoned, current_step
+from pipeline.quantity import several
 from pipeline.records import store
 from pipeline.records.store import RUN_LOG
 from pipeline.records.study import CASES
@@ -69,7 +70,7 @@ class Progress:
             return
         reused = len(planned) - len(todo)
         kept = f", {reused} already computed" if reused else ""
-        self.say(f"{folder}: {len(planned)} case{'s' * (len(planned) != 1)}{kept}, {len(todo)} to compute")
+        self.say(f"{folder}: {several(len(planned), 'case')}{kept}, {len(todo)} to compute")
         again = [item for item in planned if item.why and item.why not in EXPECTED]
         for item in again[:MAX_REASONS]:
             self.say(f"{item.case_id}: computed again, {item.why}")

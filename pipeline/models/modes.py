@@ -658,5 +658,5 @@ def count_text(part_modes: PartModes) -> str:
     text = f"inertia count of the reduced model: {counted}; the full meshes"
     if more is None:
         return f"{text} may have any number of further modes"
-    further = f"have at most {more} further mode{'s' * (more > 1)}" if more else "have no further modes"
+    further = f"have at most {several(more, 'further mode')}" if more else "have no further modes"
     return f"{text} {further} up to {frequency(check.high_hz)}"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import QUALITY
 from pipeline.errors import InputError
-from pipeline.quantity import KHZ, MM
+from pipeline.quantity import KHZ, MM, several
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result
 from pipeline.records.part import Part, column, live
@@ -262,7 +262,7 @@ class PillarModelResult(Modelled, table="comparison", axes=("quantity",)):
         """Draw the transmitted fraction of the power for each number of rows."""
         khz = [each / KHZ for each in self.frequencies_hz]
         for rows, passed in enumerate(self.transmitted, start=1):
-            ax.plot(khz, passed, label=f"{rows} row{'s' * (rows > 1)}")
+            ax.plot(khz, passed, label=several(rows, "row"))
         ax.legend()
         ax.set(xlabel="frequency (kHz)", ylabel="transmitted fraction of power")
 

@@ -9,7 +9,7 @@ from typing import Any
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_WAVENUMBER
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import AttenuationPoint
-from pipeline.quantity import KHZ, figure, frequency, level, level_with_bar, with_bar
+from pipeline.quantity import KHZ, figure, frequency, level, level_with_bar, several, with_bar
 from pipeline.questions.bands import plan_of_cell
 from pipeline.questions.late import (
     Axes,
@@ -124,7 +124,7 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
         """Yield the model, some frequencies, and the attenuation at the target frequency of plate theory."""
         yield (
             f"{self.model}, kx = {figure(self.kx_per_m)} rad/m; attenuation of the least attenuated flexural wave, "
-            f"and fractions of an incident flexural wave's power after {self.rows} row{'s' * (self.rows != 1)}"
+            f"and fractions of an incident flexural wave's power after {several(self.rows, 'row')}"
         )
         yield self.reading(("taken_error_db",), SHOWN)
         yield from self._at_the_zone()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import quantity
 from pipeline.errors import InputError
-from pipeline.quantity import KHZ
+from pipeline.quantity import KHZ, several
 from pipeline.questions.late import (
     Axes,
     Case,
@@ -361,7 +361,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     def __repr__(self) -> str:
         points, bands = self.frequencies_hz.shape
-        gaps = f"{len(self.gaps)} complete gap{'s' * (len(self.gaps) != 1)}"
+        gaps = several(len(self.gaps), "complete gap")
         return f"<antinode.Bands: {bands} bands at {points} wavevectors, {gaps}>"
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import CountRecord, ModeRecord, TargetMode, TargetRecord
-from pipeline.quantity import HZ, KHZ, frequency_figure, interval
+from pipeline.quantity import HZ, KHZ, frequency_figure, interval, several
 from pipeline.questions.late import (
     Axes,
     Case,
@@ -204,8 +204,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         from pipeline.models.modes import target_lines
         from pipeline.planning.refinement import WidestBar
 
-        plural = "s" * (self.rigid_count != 1)
-        yield f"{self.model}, {self.dof} degrees of freedom, {self.rigid_count} rigid-body mode{plural}"
+        yield f"{self.model}, {self.dof} degrees of freedom, {several(self.rigid_count, 'rigid-body mode')}"
         yield outputs.reading_table(*self._read(), self._marked)
         if self.widest_bar:
             yield WidestBar(**{name: self.widest_bar[name] for name in ("error", "of", "parts")}).text()

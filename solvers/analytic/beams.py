@@ -185,19 +185,8 @@ def roots_along(function: Callable[[float], float], grid: Iterable[float], xtol:
             yield root_between(function, low, high, xtol)
 
 
-def check_ends(*ends: str) -> None:
-    """Check the names of end conditions.
-
-    Parameters
-    ----------
-    *ends : str
-        Names.
-
-    Raises
-    ------
-    SolverError
-        If one is not clamped, pinned, sliding or free.
-    """
+def _check_ends(*ends: str) -> None:
+    """Raise SolverError if an end condition is not clamped, pinned, sliding or free."""
     for end in ends:
         if end not in VANISHING:
             raise SolverError(f"end condition {end!r}: must be one of {', '.join(VANISHING)}")
@@ -221,7 +210,7 @@ def rigid_count(left: End, right: End) -> int:
     SolverError
         For an unknown end condition.
     """
-    check_ends(left, right)
+    _check_ends(left, right)
     constraints = np.array(
         [[1.0, s] if n == 0 else [0.0, 1.0] for s, end in ((0.0, left), (1.0, right)) for n in VANISHING[end] if n < 2]
     ).reshape(-1, 2)
@@ -248,7 +237,7 @@ def roots(left: End, right: End, count: int) -> tuple[float, ...]:
     SolverError
         For an unknown end condition or a negative count.
     """
-    check_ends(left, right)
+    _check_ends(left, right)
     if count < 0:
         raise SolverError(f"count = {count}: must be 0 or more")
     return _first_roots(left, right, 1 << max(count - 1, 3).bit_length())[:count]
@@ -458,21 +447,8 @@ def beam_of(length_m: float, area_m2: float, about_m4: float, shear_factor: floa
     return Beam(length_m, rod.young_pa * about_m4, shear, density * area_m2, density * about_m4)
 
 
-def check_beam(beam: Beam, count: int) -> None:
-    """Check the sizes of a beam and the requested number of modes.
-
-    Parameters
-    ----------
-    beam : Beam
-        The beam.
-    count : int
-        Number of modes.
-
-    Raises
-    ------
-    SolverError
-        Unless every size is finite and above 0 and the count is at least 1.
-    """
+def _check_beam(beam: Beam, count: int) -> None:
+    """Raise SolverError unless every size is finite and above 0 and at least one mode is requested."""
     sizes = (beam.length_m, beam.bending_n_m2, beam.shear_n, beam.mass_kg_m, beam.rotary_kg_m)
     if count < 1 or not all(np.isfinite(size) and size > 0.0 for size in sizes):
         raise SolverError(f"beam {sizes}, count {count}: every number must be finite and above 0")
@@ -505,30 +481,15 @@ def ritz_frequencies_hz(beam: Beam, left: End, right: End, count: int, rigid_she
     SolverError
         For an unknown end, a count below 1, or a size that is not above 0.
     """
-    check_ends(left, right)
-    check_beam(beam, count)
+    _check_ends(left, right)
+    _check_beam(beam, count)
     if rigid_shear:
         beam = replace(beam, shear_n=inf, rotary_kg_m=0.0)
-    return ritz_omegas(beam, left, right, count) * beam.unit_rad_s / (2.0 * pi)
+    return _ritz_omegas(beam, left, right, count) * beam.unit_rad_s / (2.0 * pi)
 
 
-def ritz_omegas(beam: Beam, left: End, right: End, count: int) -> FloatArray:
-    """Compute the dimensionless elastic frequencies omega sqrt(rho A L^4/EI) by Ritz.
-
-    Parameters
-    ----------
-    beam : Beam
-        Uniform or tapered, with or without a body on its end.
-    left, right : str
-        End conditions.
-    count : int
-        Number of frequencies.
-
-    Returns
-    -------
-    ndarray, shape (count,)
-        Ascending, dimensionless.
-    """
+def _ritz_omegas(beam: Beam, left: End, right: End, count: int) -> FloatArray:
+    """Dimensionless elastic frequencies omega sqrt(rho A L^4/EI) by Ritz, ascending, (count,)."""
     degree = 2 * count + ENOUGH
     stiffness, mass = _matrices(beam, degree)
     from scipy.linalg import eigh, null_space  # slow to import, and uniform beams need none
@@ -567,8 +528,8 @@ def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
     ----------
     .. [1] timoshenko1921 (docs/references.bib)
     """
-    check_ends(left, right)
-    check_beam(beam, count)
+    _check_ends(left, right)
+    _check_beam(beam, count)
     if beam.width_ratio is not None or beam.end is not None:
         raise SolverError("a tapered beam, or one that carries a body, has no exact solution: use ritz_frequencies_hz")
     cutoff = 1.0 / sqrt(beam.flexibility * beam.rotation)
@@ -712,7 +673,7 @@ def _roots(omegas: Iterable[float], beam: Beam, left: str, right: str) -> Iterat
 
 def _beyond_cutoff(beam: Beam, left: End, right: End, count: int, below: list[float]) -> list[float]:
     """The first `count` roots when some lie above the cut-off: Ritz estimates, refined where a root is alone."""
-    estimates = ritz_omegas(beam, left, right, count)
+    estimates = _ritz_omegas(beam, left, right, count)
     refined = list(below)
     for estimate in estimates[len(below) :]:
         around = estimate * np.array([1.0 - REFINE, 1.0 + REFINE])

@@ -91,27 +91,14 @@ def unit_volts(plate: ForcedPlate, eigenvalue: float | FloatArray) -> ComplexArr
     one = np.eye(len(plate.plate.patches), dtype=complex)[:, plate.drivers]
     volts = np.tile(one, (*np.shape(eigenvalue), 1, 1))
     if left := plate.sensors:
-        moved, clamped = clamped_charges(plate, eigenvalue)
-        volts[..., left, :] = -np.linalg.solve(clamped, moved[..., plate.drivers])
+        moved, total = _sensor_charges(plate, eigenvalue)
+        volts[..., left, :] = -np.linalg.solve(total, moved[..., plate.drivers])
     return volts
 
 
-def clamped_charges(plate: ForcedPlate, eigenvalue: float | FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Compute the scaled charges of the sensors per volt.
-
-    Parameters
-    ----------
-    plate : ForcedPlate
-        The plate with its patches.
-    eigenvalue : float or ndarray, shape (...)
-        Scaled eigenvalues of the frequencies.
-
-    Returns
-    -------
-    moved : ndarray, shape (..., sensors, patches)
-        By the plate's motion, per volt on each patch.
-    total : ndarray, shape (..., sensors, sensors)
-        By motion and clamped capacitance, per volt on each sensor.
+def _sensor_charges(plate: ForcedPlate, eigenvalue: float | FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """Scaled charges of the sensors per volt: by the plate's motion on each patch (..., sensors, patches), and in all on the
+    sensors (..., sensors, sensors).
     """
     left = plate.sensors
     moved = np.sum([basis.receptance(eigenvalue, plate.loss)[..., left, :] for basis in plate.modes], axis=0)
@@ -283,11 +270,11 @@ def forms(forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray) -> F
         S (k, t, d, d) and what changes of the modes need.
     """
     at = forced.plate.scale.eigenvalue(frequency_hz)
-    opened, clamped = forced.sensors, clamped_charges(forced, at)[1]
+    opened, total = forced.sensors, _sensor_charges(forced, at)[1]
     starts = np.cumsum([0, *(basis.columns.shape[1] for basis in forced.modes)])
     places = [start + np.arange(len(b.eigenvalue)) for start, b in zip(starts, forced.modes, strict=False)]
     charges = np.zeros((len(at), len(forced.plate.patches), len(opened)), dtype=complex)
-    charges[:, opened] = np.linalg.inv(clamped)
+    charges[:, opened] = np.linalg.inv(total)
     return Forms(
         grams,
         np.concatenate(places),

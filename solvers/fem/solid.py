@@ -110,24 +110,11 @@ class Pencil(PlainPencil):
 
     def expand(self, vectors: FloatArray) -> FloatArray:
         """Free vectors (dof, k) as nodal fields (n, 3, k), zero where clamped."""
-        return expanded(self.free, vectors)
+        return _expanded(self.free, vectors)
 
 
-def expanded(free: BoolArray, vectors: FloatArray) -> FloatArray:
-    """Expand vectors of the free degrees of freedom to nodal fields.
-
-    Parameters
-    ----------
-    free : ndarray of bool, shape (n, 3)
-        Free degrees of freedom.
-    vectors : ndarray, shape (dof, k)
-        In their order.
-
-    Returns
-    -------
-    ndarray, shape (n, 3, k)
-        Zero where clamped.
-    """
+def _expanded(free: BoolArray, vectors: FloatArray) -> FloatArray:
+    """Vectors (dof, k) of free degrees of freedom (n, 3) as nodal fields (n, 3, k), zero where clamped."""
     full = np.zeros((*free.shape, vectors.shape[1]), dtype=vectors.dtype)
     full[free] = vectors
     return full
@@ -246,7 +233,7 @@ class SolidModel:
 
     def field(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
         """Nodal displacements (n, 3, k) from free degrees of freedom (dof, k)."""
-        return expanded(self._free(symmetry), vectors)
+        return _expanded(self._free(symmetry), vectors)
 
     def _free(self, symmetry: str | None) -> BoolArray:
         return free_mask(self.mesh, self.clamped, {"x-": symmetry[0], "y-": symmetry[1]} if symmetry else {})

@@ -120,7 +120,7 @@ class CutFacet:
         """The lines that may cross the piece."""
         y = self.y(piece, *self._samples(piece))[None]
         flat = np.array([self.is_straight])
-        return self.lines_m[[bool(may_be_cut(y, flat, [line])[0]) for line in self.lines_m]]
+        return self.lines_m[[bool(_may_be_cut(y, flat, [line])[0]) for line in self.lines_m]]
 
     def _upright(self, piece: Piece) -> Piece | None:
         """The piece, turned where that is better, with y monotone along t; None where it is monotone along neither."""
@@ -253,44 +253,16 @@ def parted(
     return np.concatenate(moved), np.concatenate(area), sp.csr_array(sp.block_diag(along))
 
 
-def is_straight(corners: FloatArray, reference: FloatArray) -> BoolArray:
-    """Find the facets that are affine images of the reference facet.
-
-    Parameters
-    ----------
-    corners : ndarray, shape (f, k, 3)
-        Nodes of the facets.
-    reference : ndarray, shape (k, 2)
-        Their places on the reference facet.
-
-    Returns
-    -------
-    ndarray of bool, shape (f,)
-        True if affine.
-    """
+def _is_straight(corners: FloatArray, reference: FloatArray) -> BoolArray:
+    """Mask of the facets, nodes (f, k, 3) at reference places (k, 2), that are affine images of the reference facet, (f,)."""
     basis = np.column_stack([np.ones(len(reference)), reference])
     off = np.eye(len(reference)) - basis @ np.linalg.pinv(basis)
     deviation = np.abs(np.einsum("ak,fkj->faj", off, corners)).max(axis=(1, 2))
     return np.asarray(deviation <= STRAIGHT * np.ptp(corners, axis=1).max(axis=1))
 
 
-def may_be_cut(y_m: FloatArray, straight: BoolArray, lines_m: Sequence[float]) -> BoolArray:
-    """Find the facets that a line may cross.
-
-    Parameters
-    ----------
-    y_m : ndarray, shape (f, k)
-        y of their nodes.
-    straight : ndarray of bool, shape (f,)
-        Whether they are straight.
-    lines_m : sequence of float
-        y of the lines.
-
-    Returns
-    -------
-    ndarray of bool, shape (f,)
-        True if a line may cross.
-    """
+def _may_be_cut(y_m: FloatArray, straight: BoolArray, lines_m: Sequence[float]) -> BoolArray:
+    """Mask of the facets that a line may cross, (f,), from y of their nodes (f, k) and whether they are straight, (f,)."""
     low, high = y_m.min(axis=1), y_m.max(axis=1)
     margin = np.where(straight, NEAR, -BULGE) * (high - low)
     crossed = np.zeros(len(y_m), dtype=bool)
@@ -387,8 +359,8 @@ def facet_quadrature(nodes: FloatArray, faces: IntArray, order: int, lines_m: Se
     if not len(lines_m):
         return _uncut(nodes, faces, order)
     solid, own = _solid(faces.shape[1], order)
-    straight = is_straight(nodes[faces], solid.points[own, :2])
-    cut = may_be_cut(nodes[faces][:, :, 1], straight, lines_m)
+    straight = _is_straight(nodes[faces], solid.points[own, :2])
+    cut = _may_be_cut(nodes[faces][:, :, 1], straight, lines_m)
     rules = _cut_rules(nodes, faces[cut], order, np.sort(lines_m), straight[cut]) if cut.any() else []
     return joined([_uncut(nodes, faces[~cut], order), *rules])
 

@@ -76,21 +76,6 @@ def document(root: Path, command: str) -> dict[str, Any]:
         return found
 
 
-def renamed(value: Any, names: Mapping[str, str]) -> Any:
-    """A document with parts of its keys replaced by the names that they have since."""
-    if isinstance(value, list):
-        return [renamed(each, names) for each in value]
-    if not isinstance(value, dict):
-        return value
-    return {_renamed(key, names): renamed(each, names) for key, each in value.items()}
-
-
-def _renamed(key: str, names: Mapping[str, str]) -> str:
-    for old, new in names.items():
-        key = key.replace(old, new)
-    return key
-
-
 def figures(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
     """Every number and word of a document by its place; nothing for null."""
     if isinstance(value, dict):
@@ -104,9 +89,12 @@ def figures(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
         yield place, value
 
 
-def moved(before: dict[str, Any], after: dict[str, Any]) -> tuple[int, list[str]]:
-    """Number of figures in both documents, and a line for each that has moved or is gone."""
-    one, two = dict(figures(before)), dict(figures(after))
+def moved(before: dict[str, Any], after: dict[str, Any], names: Mapping[str, str]) -> tuple[int, list[str]]:
+    """Number of figures in both documents, and a line for each that has moved or is gone.
+
+    names: parts of the earlier document's keys, and what they are called since.
+    """
+    one, two = {_renamed(place, names): value for place, value in figures(before)}, dict(figures(after))
     name_of = {place: place.rpartition(".")[2].partition("[")[0] for place in one}
     largest = dict.fromkeys(name_of.values(), 0.0)
     for place, value in one.items():
@@ -119,6 +107,12 @@ def moved(before: dict[str, Any], after: dict[str, Any]) -> tuple[int, list[str]
         same = old == new or (numbers and abs(new - old) <= ALLOWED * largest[name_of[place]])
         lines += [] if same else [f"{place}: {old} -> {new}"]
     return len(one.keys() & two.keys()), sorted(lines)
+
+
+def _renamed(place: str, names: Mapping[str, str]) -> str:
+    for old, new in names.items():
+        place = place.replace(old, new)
+    return place
 
 
 def main(words: list[str] | None = None) -> int:
@@ -137,7 +131,7 @@ def main(words: list[str] | None = None) -> int:
     with checkout(given.commit) as earlier:
         for name in given.tasks or TASKS:
             before, after = (document(root, TASKS[name]) for root in (earlier, ROOT))
-            count, lines = moved(renamed(before, names), after)
+            count, lines = moved(before, after, names)
             print(f"{name}: {count} figures, {len(lines)} moved or gone", flush=True)
             print("".join(f"  {line}\n" for line in lines[:20]), end="")
             faults += len(lines)
