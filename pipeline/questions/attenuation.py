@@ -88,8 +88,8 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
     def error_at(self, frequency_hz: float) -> float | None:
         """Return the error bar of `at`.
 
-        It is the error bars of the two neighbours, weighted as their values are, plus the interpolation error, bounded by the
-        adjacent chords.
+        It is the error bars of the two neighbours, weighted as their values are, plus the interpolation error: the difference
+        of the neighbours, or what the adjacent chords bound it by where no band edge lies between them.
 
         Parameters
         ----------
@@ -116,9 +116,10 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
             if 0 <= first < len(tones) - 1:
                 slope = (levels[first + 1] - levels[first]) / (tones[first + 1] - tones[first])
                 missed = max(missed, abs(levels[first] + slope * (frequency_hz - tones[first]) - own))
-        between = float(np.interp(frequency_hz, tones, bars))
-        bar = between + min(missed, abs(float(levels[last] - levels[last - 1])))
-        return bar if isfinite(bar) else None
+        ends = levels[last - 1 : last + 1]
+        has_edge = ends.any() and not ends.all()  # a wave propagates at one of them: the decay ends anywhere between
+        bar = float(np.interp(frequency_hz, tones, bars)) + (np.ptp(ends) if has_edge else min(missed, np.ptp(ends)))
+        return float(bar) if isfinite(bar) else None
 
     def lines(self) -> Iterator[str]:
         """Yield the model, some frequencies, and the attenuation at the target frequency of plate theory."""

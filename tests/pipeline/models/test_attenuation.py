@@ -163,6 +163,8 @@ def test_a_decay_between_samples_has_their_weighted_bars_and_what_the_chord_may_
     one, other = (replace(record, points=points) for points in (straight, bent))
     assert one.error_at(31e3) == 0.3 and one.error_at(31.5e3) == pytest.approx(0.25)
     assert other.error_at(32.5e3) == pytest.approx(0.3 + 2.5)  # the line from below ends at 3.5 where the chord has 6
+    edge = replace(record, points=[*straight, point(33e3, 0.0, 0.4)])  # a wave that propagates at 33 kHz
+    assert edge.error_at(32.25e3) == pytest.approx(0.25 + 3.0)  # anywhere from there on: the whole difference
 
 
 @pytest.mark.parametrize(
