@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal import peak_widths
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.control.loop import ModePlant, stretched_detuning
@@ -397,6 +396,10 @@ def half_power_points(frequency_hz: FloatArray, amplitude: FloatArray, peak: int
     tuple of float, or None
         Both frequencies in Hz; None if a side does not fall that far.
     """
+    from scipy.signal import (
+        peak_widths,  # half a second to import, which a response without such a curve need not wait for
+    )
+
     last = len(amplitude) - 1
     if max(amplitude[: peak + 1].min(), amplitude[peak:].min()) > amplitude[peak] / np.sqrt(2.0):
         return None

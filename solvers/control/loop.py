@@ -8,7 +8,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray
 from solvers.errors import SolverError, check_above_zero, checked_frequencies
@@ -452,6 +451,8 @@ class Plate:
 
     def period(self, acting: complex, command: complex) -> FloatArray:
         """The window's samples of one period in which `command` takes over from `acting` after the gap."""
+        from scipy.signal import lfilter  # slow to import
+
         rates = self.setup.rates
         n = np.arange(rates.period)
         carrier = np.exp(1j * (self.phase + self.turn * n))

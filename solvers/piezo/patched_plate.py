@@ -289,13 +289,14 @@ class _PatchMatrices:
 
     def added(self, matrix: sp.csc_array, bonds: Sequence[_Bonded]) -> sp.csc_array:
         """A matrix and factor motion' own motion of each of the bonds, dense where their motions have entries."""
-        total = sp.csc_array(matrix.shape)
+        total, kind = sp.csc_array(matrix.shape), matrix.indices.dtype  # mixed kinds would double every later index
         for factor, own, motion in bonds:
             used = np.flatnonzero(np.bincount(motion.indices, minlength=matrix.shape[0]))
-            ends = np.zeros(matrix.shape[0] + 1, dtype=np.int64)
+            ends = np.zeros(matrix.shape[0] + 1, dtype=kind)
             ends[used + 1] = len(used)
             dense = (factor * self._projected(own, motion[:, used].toarray())).T.ravel()
-            total += sp.csc_array((dense, np.tile(used, len(used)), ends.cumsum()), shape=matrix.shape)
+            places = np.tile(used.astype(kind), len(used))
+            total += sp.csc_array((dense, places, ends.cumsum(dtype=kind)), shape=matrix.shape)
         return sp.csc_array(matrix + total)
 
     def _projected(self, own: FloatArray, motion: FloatArray) -> FloatArray:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import _thread
+import os
+import subprocess
 import sys
 import threading
 import time
@@ -140,3 +142,13 @@ def test_a_worker_of_a_batch_has_the_threads_that_it_was_given(monkeypatch: pyte
     monkeypatch.delenv("ANTINODE_THREADS")
     with LocalWorkers(1, 1) as workers:
         assert workers.submit(machine.workers).result() == 1
+
+
+def test_rslabs_heap_is_set_before_it_is_loaded_unless_the_user_has_set_it() -> None:
+    """Its allocator reads the environment once, when the library is loaded."""
+    code = "import os, sys, solvers.fem.factor; print(os.environ['MIMALLOC_PURGE_DELAY'], 'rslab' in sys.modules)"
+    for given, expected in ((None, "-1 False"), ("7", "7 False")):
+        own = {key: value for key, value in os.environ.items() if key != "MIMALLOC_PURGE_DELAY"}
+        own |= {} if given is None else {"MIMALLOC_PURGE_DELAY": given}
+        run = subprocess.run([sys.executable, "-c", code], env=own, capture_output=True, text=True, check=True)
+        assert run.stdout.strip() == expected
