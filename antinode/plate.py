@@ -336,9 +336,8 @@ def plain(value: Any) -> Any:
 
 def key_of(name: str, tables: Iterable[str] = ()) -> str:
     """Return the dotted key of a keyword; if several tables have the key, that of the table in the case (`tables`)."""
-    table, _, last = name.partition("__")
-    if last:
-        return f"{table}.{last}"
+    if "__" in name:
+        return name.replace("__", ".")
     if name in ("material", "name"):
         return name
     owners = [table for table, schema in TABLES.items() if name in schema.model_fields]

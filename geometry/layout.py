@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.lattice import Lattice
-from geometry.materials import Material, PiezoMaterial, Stack
+from geometry.materials import Layer, Material, PiezoMaterial, Stack
 from geometry.pillar_shapes import PillarShape, shape_of
 
 SHORT = 2.0  # half-wavelength over thickness: there thin-plate theory is 45 % too high, Mindlin's a few percent
@@ -234,7 +234,7 @@ class Design:
     nodal_lines : int
         Nodal lines of the target shape.
     material : Material
-        Material of the plate.
+        Material of the plate; that of its back if it has several layers.
     pillar : Pillar or None
         Pillar of all rows, or of the first row if rows differ.
     pitch_x_m, pitch_y_m : float
@@ -254,6 +254,8 @@ class Design:
         Rows in each gap between zones, half of them at either border.
     zone_gap_m : float
         Distance between the borders of neighbouring zones.
+    layers : tuple of Layer
+        Layers of the plate from the touch face to the back if it has several, else empty.
     """
 
     length_m: float
@@ -272,11 +274,12 @@ class Design:
     zones: int = 1
     shared_rows: int = 0
     zone_gap_m: float = 0.0
+    layers: tuple[Layer, ...] = ()
 
     @property
     def stack(self) -> Stack:
         """The plate's layers."""
-        return Stack.of(self.thickness_m, self.material)
+        return Stack(self.layers) if self.layers else Stack.of(self.thickness_m, self.material)
 
     @property
     def is_staggered(self) -> bool:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import sqrt
-from typing import NamedTuple
+from math import pi, sqrt
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +20,13 @@ VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # place of the strain ij in
 FLIPPED = {"x": (4, 5), "y": (3, 5)}  # strains that change sign in a mirror
 EXCHANGED = [1, 0, 2, 4, 3, 5]  # strains with x and y exchanged
 SAME = 1e-9  # relative to the largest stiffness
+ROUNDING = 1e-14  # relative: a stiffness below it is what a turn by a right angle leaves of zero
+LAWS = ("young_GPa", "cubic_GPa", "orthotropic", "C_GPa")  # keys of a law in a table of a material
+PER_LAYER = 8  # elements of a layer whose shear resonance is sought: then to 1e-5 of it
+QUADRATIC_STIFFNESS = np.array([[7.0, -8.0, 1.0], [-8.0, 16.0, -8.0], [1.0, -8.0, 7.0]])
+QUADRATIC_MASS = np.array([[4.0, 2.0, -1.0], [2.0, 16.0, 2.0], [-1.0, 2.0, 4.0]])
+USUAL_C = 20.0  # temperature at which constants hold
+GPA = 1e9
 VACUUM_F_M = 8.8541878128e-12
 
 # Loss tangents of PZT-4 (0.004), PZT-5A and PZT-5H (0.02): low field, as makers' tables of the same grades have them.
@@ -59,7 +69,8 @@ class Material:
     """A linear elastic law with its density, axes along x, y, z.
 
     stiffness_pa: over the strains xx, yy, zz, yz, xz, xy (engineering shear). constants: those of an isotropic law, which
-    `isotropic` makes; None for any other. Raises GeometryError unless the density and all eigenvalues are above 0.
+    `isotropic` makes; None for any other. loss_factor, softening_per_k (of all stiffnesses alike, relative to 20 C) and
+    expansion_per_k: None where they are not known. Raises GeometryError unless the density and all eigenvalues are above 0.
     """
 
     name: str
@@ -67,6 +78,10 @@ class Material:
     stiffness_pa: Stiffness
     constants: Isotropic | None = None
     source: str = "given in the case file"
+    loss_factor: float | None = None
+    softening_per_k: float | None = None
+    expansion_per_k: float | None = None
+    temperature_c: float = USUAL_C
 
     def __post_init__(self) -> None:
         c = np.array(self.stiffness_pa)
@@ -89,6 +104,51 @@ class Material:
         stiffness = own.shear_pa * np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
         stiffness[:3, :3] += own.lame_pa
         return cls(name, density_kg_m3, _rows_of(stiffness), own, source)
+
+    @classmethod
+    def anisotropic(cls, name: str, stiffness_pa: FloatArray, density_kg_m3: float, source: str) -> Material:
+        """A law of up to 21 constants: stiffness (6, 6) in Pa over xx, yy, zz, yz, xz, xy."""
+        return cls(name, density_kg_m3, _rows_of((stiffness_pa + stiffness_pa.T) / 2.0), None, source)
+
+    @classmethod
+    def of_table(cls, name: str, table: Mapping[str, Any]) -> Material:
+        """A material by the keys of a case file. GeometryError with the key of a constant that no solid can have."""
+        density, source = float(table["density_kg_m3"]), table.get("source", "given in the case file")
+        if table.get("young_GPa") is not None:
+            own = cls.isotropic(name, GPA * table["young_GPa"], density, float(table["poisson"]), source)
+        else:
+            key = next(key for key in LAWS if table.get(key) is not None)
+            law: Any = table[key]
+            made: dict[str, Callable[[Any], FloatArray]] = {
+                "cubic_GPa": _cubic,
+                "orthotropic": _orthotropic,
+                "C_GPa": _of_21,
+            }
+            stiffness = made[key](law)
+            own = cls.anisotropic(name, GPA * stiffness, density, source).turned(table.get("axes_deg"))
+        more = {"loss_factor": "loss_factor", "dE_dT_per_K": "softening_per_k", "expansion_per_K": "expansion_per_k"}
+        return replace(own, **{field: table[key] for key, field in more.items() if table.get(key) is not None})
+
+    def turned(self, axes_deg: tuple[float, float, float] | None) -> Material:
+        """Return the law with its own axes turned by Bunge's angles: about z, about the new x, about the new z, deg.
+
+        C'_ijkl = R_ia R_jb R_kc R_ld C_abcd, R = Rz(phi) Rx(theta) Rz(psi). An isotropic law stays what it is.
+        """
+        if self.constants or not axes_deg or not any(axes_deg):
+            return self
+        phi, theta, psi = np.deg2rad(axes_deg)
+        turn = _about(2, phi) @ _about(0, theta) @ _about(2, psi)
+        tensor = np.einsum("ia,jb,kc,ld,abcd->ijkl", *4 * [turn], self.tensor_pa, optimize=True)
+        c = tensor[PAIRS[:, 0], PAIRS[:, 1]][:, PAIRS[:, 0], PAIRS[:, 1]]
+        c = np.where(np.abs(c) > ROUNDING * np.abs(c).max(), (c + c.T) / 2.0, 0.0)
+        return replace(self, stiffness_pa=_rows_of(c))
+
+    def at(self, temperature_c: float) -> Material:
+        """Return the law, known at 20 C, at a temperature in C; as stiff as there where its coefficient is not known."""
+        change = (self.softening_per_k or 0.0) * (temperature_c - USUAL_C)
+        if change <= -1.0:
+            raise GeometryError(f"material {self.name}: no stiffness is left at {temperature_c:g} C")
+        return replace(self.scaled(1.0 + change) if change else self, temperature_c=temperature_c)
 
     def scaled(self, factor: float) -> Material:
         """Return the law with its stiffness multiplied by `factor`."""
@@ -116,9 +176,13 @@ class Material:
 
     @property
     def stated(self) -> dict[str, object]:
-        """Name, constants and density, as records have them."""
+        """Name, constants and density, as records have them, and what else is known of it."""
         law = vars(self.constants) if self.constants else {"stiffness_pa": self.stiffness_pa}
-        return {"name": self.name, **law, "density_kg_m3": self.density_kg_m3}
+        more = {key: getattr(self, key) for key in ("loss_factor", "softening_per_k", "expansion_per_k")}
+        known = {key: value for key, value in more.items() if value is not None}
+        if self.temperature_c != USUAL_C:
+            known["temperature_c"] = self.temperature_c
+        return {"name": self.name, **law, "density_kg_m3": self.density_kg_m3, **known}
 
     @property
     def shear_m_s(self) -> float:
@@ -168,33 +232,79 @@ class Material:
         return tuple(name for name in ("x", "y", "d") if np.abs(images[name] - c).max() <= SAME * np.abs(c).max())
 
 
+PAIRS = np.array([[0, 0], [1, 1], [2, 2], [1, 2], [0, 2], [0, 1]])  # of the strains xx, yy, zz, yz, xz, xy
+
+
+def _about(axis: int, angle: float) -> FloatArray:
+    """Rotation by an angle about a coordinate axis, (3, 3)."""
+    one, other = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.eye(3)
+    turn[one, one] = turn[other, other] = np.cos(angle)
+    turn[one, other], turn[other, one] = -np.sin(angle), np.sin(angle)
+    return turn
+
+
+def _cubic(law: Mapping[str, float]) -> FloatArray:
+    """Stiffness of a cubic law along its axes, (6, 6)."""
+    c11, c12, c44 = (law[key] for key in ("C11", "C12", "C44"))
+    if not (c44 > 0.0 and c11 > abs(c12) and c11 + 2.0 * c12 > 0.0):
+        raise GeometryError("cubic_GPa: C44 must be above 0, C12 between -C11/2 and C11, both excluded")
+    c = np.diag([c11] * 3 + [c44] * 3)
+    c[:3, :3] += c12 * (1.0 - np.eye(3))
+    return c
+
+
+def _orthotropic(law: Mapping[str, float]) -> FloatArray:
+    """Stiffness of an orthotropic law along its axes, (6, 6), from nine constants; nu12 = -e2/e1 under s1 alone."""
+    young = [law[f"E{i}_GPa"] for i in (1, 2, 3)]
+    s = np.diag([1.0 / each for each in (*young, *(law[f"G{pair}_GPa"] for pair in ("23", "13", "12")))])
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        ratio, most = law[f"nu{i + 1}{j + 1}"], sqrt(young[i] / young[j])
+        if abs(ratio) >= most:
+            raise GeometryError(f"orthotropic.nu{i + 1}{j + 1}: must be below sqrt(E{i + 1}/E{j + 1}) = {most:.4g}")
+        s[i, j] = s[j, i] = -ratio / young[i]
+    if np.linalg.eigvalsh(s)[0] <= 0.0:
+        raise GeometryError(
+            "orthotropic: nu12, nu13 and nu23 together leave a strain without energy: lower one of them"
+        )
+    return np.asarray(np.linalg.inv(s))
+
+
+def _of_21(rows: list[list[float]]) -> FloatArray:
+    """Stiffness of any law, (6, 6)."""
+    c = np.array(rows, dtype=float)
+    for i, j in np.argwhere(np.triu(np.abs(c - c.T) > SAME * np.abs(c).max())).tolist():
+        raise GeometryError(f"C_GPa: row {i + 1}, column {j + 1} must equal row {j + 1}, column {i + 1}")
+    least = float(np.linalg.eigvalsh((c + c.T) / 2.0)[0])
+    if least <= 0.0:
+        raise GeometryError(f"C_GPa: must be positive definite; its smallest eigenvalue is {least:.3g} GPa")
+    return c
+
+
 def _rows_of(matrix: FloatArray) -> Stiffness:
     """A matrix (6, 6) as a value that can be compared and hashed."""
     return tuple(map(tuple, matrix.tolist()))
 
 
-MATERIALS: dict[str, Material] = {
-    material.name: material
-    for material in (
-        Material.isotropic("aluminium", 70e9, 2700.0, 0.34, "thesis, table 2.1"),
-        Material.isotropic(
-            "AlSi7Mg0.6",
-            70e9,
-            2670.0,
-            0.33,
-            "typical laser powder-bed data sheet: E 65-75 GPa by build direction and heat treatment; mid value",
-        ),
-        Material.isotropic(
-            "steel", 210e9, 7850.0, 0.30, "EN 1993-1-1, 3.2.6 (E, nu); EN 1991-1-1, table A.4 (density)"
-        ),
-        Material.isotropic(
-            "glass", 70e9, 2500.0, 0.22, "soda-lime silicate, EN 572-1 (E, density); handbook nu 0.20-0.23"
-        ),
-        Material.isotropic("brass", 105e9, 8500.0, 0.34, "handbook value for CuZn37"),
-        Material.isotropic("pmma", 3.0e9, 1180.0, 0.37, "handbook value, room temperature, static"),
-        Material.isotropic("titanium", 114e9, 4430.0, 0.34, "Ti-6Al-4V, handbook value"),
-    )
-}
+LIBRARY: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+NAMED_LAWS = dict(zip(LAWS, ("isotropic", "cubic", "orthotropic", "anisotropic"), strict=True))
+MATERIALS: dict[str, Material] = {name: Material.of_table(name, table) for name, table in LIBRARY.items()}
+
+
+def law_of(name: str) -> str:
+    """Name the law of a material of the library.
+
+    Parameters
+    ----------
+    name : str
+        Name of the material.
+
+    Returns
+    -------
+    str
+        isotropic, cubic, orthotropic or anisotropic.
+    """
+    return next(word for key, word in NAMED_LAWS.items() if key in LIBRARY[name])
 
 
 @dataclass(frozen=True)
@@ -290,6 +400,22 @@ PIEZO_MATERIALS: dict[str, PiezoMaterial] = {
 }  # fmt: skip
 
 
+def layer_names(count: int) -> tuple[str, ...]:
+    """Name the regions of a mesh for the layers of a plate.
+
+    Parameters
+    ----------
+    count : int
+        Number of layers.
+
+    Returns
+    -------
+    tuple of str
+        From the touch face: plate, then layer2 and so on.
+    """
+    return ("plate", *(f"layer{number}" for number in range(2, count + 1)))
+
+
 class Layer(NamedTuple):
     """One layer of the plate."""
 
@@ -308,6 +434,17 @@ class Stack:
         """A plate of one layer."""
         return cls((Layer(material, thickness_m),))
 
+    @classmethod
+    def of_layers(cls, layers: Iterable[Layer]) -> Stack:
+        """A plate of several layers; neighbours of one material are one layer."""
+        merged: list[Layer] = []
+        for layer in layers:
+            if merged and merged[-1].material == layer.material:
+                merged[-1] = Layer(layer.material, merged[-1].thickness_m + layer.thickness_m)
+            else:
+                merged.append(layer)
+        return cls(tuple(merged))
+
     @property
     def thickness_m(self) -> float:
         """Thickness of all layers, m."""
@@ -319,6 +456,21 @@ class Stack:
         return np.cumsum([0.0, *(thickness for _, thickness in self.layers)])
 
     @property
+    def joints_m(self) -> tuple[float, ...]:
+        """Heights where two layers meet, ascending, m."""
+        return tuple(self.levels_m[1:-1].tolist())
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Where two layers meet, from -1 on the touch face to 1 on the back."""
+        return tuple(2.0 * level / self.thickness_m - 1.0 for level in self.joints_m)
+
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        """Region of a mesh for each layer, from the touch face."""
+        return layer_names(len(self.layers))
+
+    @property
     def mass_kg_m2(self) -> float:
         """Mass per area, kg/m2."""
         return sum(material.density_kg_m3 * thickness for material, thickness in self.layers)
@@ -326,13 +478,22 @@ class Stack:
     @property
     def regions(self) -> dict[str, Material]:
         """Material of each layer by its region of a mesh: plate, then layer2 and so on."""
-        names = ["plate", *(f"layer{number}" for number in range(2, len(self.layers) + 1))]
-        return {name: material for name, (material, _) in zip(names, self.layers, strict=True)}
+        return {name: material for name, (material, _) in zip(self.region_names, self.layers, strict=True)}
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether the plate is one layer of an isotropic law, of which plates were calibrated."""
+        return len(self.layers) == 1 and self.back.constants is not None
 
     @property
     def back(self) -> Material:
         """Material of the back, on which pillars stand."""
         return self.layers[-1].material
+
+    @property
+    def touch(self) -> Material:
+        """Material of the touch face."""
+        return self.layers[0].material
 
     @property
     def material(self) -> Material:
@@ -349,6 +510,31 @@ class Stack:
         parts = [part / self.thickness_m * np.array(material.stiffness_pa) for material, part in self.layers]
         law = Material("mean", self.mass_kg_m2 / self.thickness_m, _rows_of(np.sum(parts, axis=0)))
         return replace(law, constants=law.average) if all(material.constants for material, _ in self.layers) else law
+
+    @cached_property
+    def shear_cutoff_hz(self) -> float:
+        """First thickness-shear resonance between free faces, Hz: c_t / (2 h) of one layer, the slower of xz and yz of several.
+
+        -(G u')' = omega^2 rho u through the layers, each by PER_LAYER quadratic elements.
+        """
+        if len(self.layers) == 1:
+            return self.back.shear_m_s / (2.0 * self.thickness_m)
+        return min(self._shear_hz(place) for place in (3, 4))
+
+    def _shear_hz(self, place: int) -> float:
+        count, unit = 2 * PER_LAYER * len(self.layers) + 1, self.mean
+        scale = unit.average.shear_pa
+        stiffness, mass = np.zeros((count, count)), np.zeros((count, count))
+        for number, (material, thickness) in enumerate(self.layers):
+            size = thickness / PER_LAYER / self.thickness_m
+            for first in range(2 * PER_LAYER * number, 2 * PER_LAYER * (number + 1), 2):
+                own = np.ix_(range(first, first + 3), range(first, first + 3))
+                stiffness[own] += material.stiffness_pa[place][place] / scale / (3.0 * size) * QUADRATIC_STIFFNESS
+                mass[own] += material.density_kg_m3 / unit.density_kg_m3 * size / 30.0 * QUADRATIC_MASS
+        root = np.linalg.cholesky(mass)
+        half = np.linalg.solve(root, stiffness)
+        second = np.linalg.eigvalsh(np.linalg.solve(root, half.T))[1]
+        return float(sqrt(second * scale / unit.density_kg_m3) / (2.0 * pi * self.thickness_m))
 
     @property
     def mirrors(self) -> tuple[str, ...]:

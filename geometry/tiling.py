@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import ceil
+from typing import Any
 
 import numpy as np
 
@@ -60,6 +61,8 @@ class Tiling:
         Centres (x, y) of the pillars in m by column and row (i, j) of their panels.
     mirrored : bool
         Whether every pillar, and with it the plate, is its own mirror image.
+    bare : tuple of int
+        Axes along which bare plate is its own mirror image.
     pillars : mapping of Pillar
         Pillars by row j of panels if rows differ.
     lines_m : tuple of float
@@ -72,6 +75,7 @@ class Tiling:
     mirrored: bool = True
     pillars: Mapping[int, Pillar] = field(default_factory=dict)
     lines_m: tuple[float, ...] = ()
+    bare: tuple[int, ...] = (0, 1)
 
     def panel(self, i: int, j: int) -> Panel:
         """Panel in column i, row j, halved along every axis about which it is its own mirror image.
@@ -84,7 +88,10 @@ class Tiling:
         whole = Panel(low, high, foot)
         free = self.free_sides(i, j)
         centred = [
-            foot is None or (self.mirrored and abs(foot[axis] - whole.middle[axis]) < 10.0**-DIGITS) for axis in (0, 1)
+            axis in self.bare
+            if foot is None
+            else self.mirrored and abs(foot[axis] - whole.middle[axis]) < 10.0**-DIGITS
+            for axis in (0, 1)
         ]
         even = [(f"{axis}-" in free) == (f"{axis}+" in free) for axis in "xy"]
         halved = tuple(axis for axis in (0, 1) if centred[axis] and even[axis])
@@ -117,10 +124,27 @@ def lattice_panel(design: Design, count: int = 1) -> Panel:
     Returns
     -------
     Panel
-        The panel in m, halved along both axes.
+        The panel in m, halved along every axis along which the cell is its own mirror image.
     """
     half_x, half_y = design.pitch_x_m / count / 2.0, design.pitch_y_m / 2.0
-    return Panel((-half_x, -half_y), (half_x, half_y), (0.0, 0.0) if design.pillar else None, (0, 1))
+    halved = mirrored_along(design.cell_mirrors)
+    return Panel((-half_x, -half_y), (half_x, half_y), (0.0, 0.0) if design.pillar else None, halved)
+
+
+def mirrored_along(mirrors: Iterable[str]) -> tuple[int, ...]:
+    """List the axes along which a body is its own mirror image.
+
+    Parameters
+    ----------
+    mirrors : iterable of str
+        Its mirrors: x, y, d.
+
+    Returns
+    -------
+    tuple of int
+        0 for x, 1 for y.
+    """
+    return tuple(axis for axis, name in enumerate("xy") if name in mirrors)
 
 
 def row_panels(design: Design) -> list[Panel]:
@@ -177,14 +201,15 @@ def tile(design: Design, max_edge_m: float) -> Tiling:
         Grid lines in m and the foot of each panel.
     """
     x, y = grid(design, max_edge_m)
+    plain: dict[str, Any] = {"lines_m": design.touch_lines_m, "bare": mirrored_along(design.stack.mirrors)}
     if not design.rows:
-        return Tiling(x, y, {}, design.is_mirrored, lines_m=design.touch_lines_m)
+        return Tiling(x, y, {}, design.is_mirrored, **plain)
     feet_rows = design.row_places()
     places = (np.searchsorted(y, feet_rows) - 1).tolist()
     pillars = dict(zip(places, (*design.graded[::-1], *design.graded), strict=True)) if design.graded else {}
     numbered = zip(feet_rows.tolist(), design.row_numbers, strict=True)
     centres = [(row, design.column_centres(number)) for row, number in numbered]
-    return Tiling(x, y, _feet(x, y, centres), design.is_mirrored, pillars, lines_m=design.touch_lines_m)
+    return Tiling(x, y, _feet(x, y, centres), design.is_mirrored, pillars, **plain)
 
 
 def tightest_panels(design: Design) -> list[Panel]:

@@ -340,7 +340,7 @@ def _lattice(design: Design, level: mesh_rules.MeshLevel) -> ReducedLattice:
 def _settings(design: Design, level: mesh_rules.MeshLevel) -> ReductionSettings:
     along = 4 if design.pitch_x_m <= 2.5 * design.thickness_m else 5
     top_hz = mesh_rules.lattice_reduction(design, CUTOFF).top_hz
-    return ReductionSettings(Interface(along, 3), top_hz, mesh_rules.cell_mesh(design, level))
+    return ReductionSettings(Interface(along, 3, design.stack.joints), top_hz, mesh_rules.cell_mesh(design, level))
 
 
 def _corners(design: Design) -> FloatArray:

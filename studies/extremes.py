@@ -15,7 +15,7 @@ from geometry.errors import GeometryError
 from geometry.hex.boxes import Boxes, hex_mesh, panel_boxes, pillar_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS, Material
+from geometry.materials import MATERIALS, Material, Stack
 from geometry.mesh import Mesh, check_mesh, split_hexahedra
 from geometry.tiling import Panel
 from pipeline.errors import CommandError
@@ -173,7 +173,9 @@ def contrast(young_ratio: float) -> Result:
     walls = {"x-": "A", "y-": "S", "x+": "A", "y+": "S"}
 
     def solved(order: int, layers: int) -> tuple[Pencil, Modes]:
-        mesh = hex_mesh(panel_boxes(panel, 2e-3, pillar, HexSettings(order, 2e-3, layers, 0.15, 3e-3)), order)
+        mesh = hex_mesh(
+            panel_boxes(panel, Stack.of(2e-3, ALUMINIUM), pillar, HexSettings(order, 2e-3, layers, 0.15, 3e-3)), order
+        )
         pencil = constrain(assemble(mesh, {"plate": ALUMINIUM, "pillar": pillar_material}), free_mask(mesh, (), walls))
         return pencil, modes_near(pencil, 0.0, 1)
 

@@ -106,7 +106,7 @@ def free_block_hz(
     Parameters
     ----------
     material : Material
-        Of axes along the edges.
+        Of any law.
     size_m : tuple of float
         Edges along x, y and z in m.
     high_hz : float
@@ -117,7 +117,8 @@ def free_block_hz(
     Returns
     -------
     dict of str to ndarray
-        Frequencies in Hz, ascending, (n,) each, by class: SS, SA, AS or AA for u_z even (S) or odd (A) in x, then in y.
+        Frequencies in Hz, ascending, (n,) each, by class: SS, SA, AS or AA for u_z even (S) or odd (A) in x, then in y;
+        "whole" of a law without these mirrors.
         Rigid-body motions are left out.
 
     References
@@ -125,6 +126,9 @@ def free_block_hz(
     visscher1991
     """
     axes = [_axis(degree, length) for degree, length in zip(degrees, size_m, strict=True)]
+    if not {"x", "y"} <= {*material.mirrors}:
+        every = _class_hz(material, axes, None)
+        return {"whole": every[every <= high_hz]}
     out = {}
     for name in map("".join, product("SA", repeat=2)):
         both = [_class_hz(material, axes, (SIGNS[name[0]], SIGNS[name[1]], odd)) for odd in (0, 1)]
@@ -182,9 +186,13 @@ def _axis(degree: int, length_m: float) -> _Axis:
     return _Axis(slope.T @ (heavy * slope), slope.T @ (heavy * value))
 
 
-def _class_hz(material: Material, axes: list[_Axis], parity: Parity) -> FloatArray:
-    """Frequencies above 0 of the motions whose u_z has these parities along x, y and z: u_x is odd in x where u_z is even."""
-    kept = [
+def _class_hz(material: Material, axes: list[_Axis], parity: Parity | None) -> FloatArray:
+    """Frequencies above 0 of the motions whose u_z has these parities along x, y and z: u_x is odd in x where u_z is even.
+
+    All motions without parities.
+    """
+    every = [np.arange(len(one.slopes)) for one in axes]
+    kept = [every] * 3 if parity is None else [
         [np.arange((each + (axis != 2) * (axis == component) + (axis == 2) * (component != 2)) % 2, len(one.slopes), 2)
          for axis, (one, each) in enumerate(zip(axes, parity, strict=True))]
         for component in range(3)
@@ -248,7 +256,7 @@ def _plate(bonded: BondedPlate, layers: int) -> Boxes:
     )
     span = np.array([0.0, design.length_m / 2.0, 0.0, design.half_span_m])
     settings = HexSettings(3, SIZE_M, layers, SHRINK)
-    return bonded_boxes(span, design.thickness_m, stands, bonded.box_m, bonded.is_on_back, settings)
+    return bonded_boxes(span, design.stack, stands, bonded.box_m, bonded.is_on_back, settings)
 
 
 def _patch(bonded: BondedPlate, plate: Boxes, layers: int) -> Mesh:

@@ -154,7 +154,7 @@ def _reductions(d: Design, reduction: ReductionSettings, mesh_level: dict[str, A
     elif mesh_level["model"] == "superelement":
         hexahedra = settings(mesh_level)
         mesher = lambda panel: hex_mesh(  # noqa: E731
-            panel_boxes(panel, d.thickness_m, d.pillar, hexahedra), hexahedra.order
+            panel_boxes(panel, d.stack, d.pillar, hexahedra), hexahedra.order
         )
     return Reductions(d.stack, d.pillar, reduction, None, mesher)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Any, cast
 
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import GeometryError, MeshError
 from geometry.layout import Design, Pillar, PillarGroup
+from geometry.materials import Stack, layer_names
 from geometry.tiling import Panel
 
 MM = 1e3  # mm per m
@@ -51,15 +52,23 @@ class Body:
     thickness_m : float
         Thickness of the plate; 0 for the isolated pillar.
     bonds : frozenset of str
-        Parts ("pillar", "tip") of a material other than that of the part below.
+        Parts ("pillar", "tip", "layer2" and so on) of a material other than that of the part below.
     tips : tuple of Box
         Heavy tips whose material is not their pillar's.
+    joints_m : tuple of float
+        Heights where layers of the plate meet.
     """
 
     shape: Any
     thickness_m: float
     bonds: frozenset[str] = frozenset()
     tips: tuple[Box, ...] = ()
+    joints_m: tuple[float, ...] = ()
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions that the body may have."""
+        return (*layer_names(len(self.joints_m) + 1), "pillar", "tip")
 
     @property
     def bonded(self) -> bool:
@@ -72,9 +81,10 @@ class Body:
         return float(self.shape.Volume()) / MM**3
 
     def region_of(self, points: NDArray[np.float64]) -> NDArray[np.str_]:
-        """Name of the region ("plate", "pillar", "tip") that holds each point (n, 3) of the body, m."""
-        height = points[:, 2]
-        names = np.where((height > self.thickness_m) | (height < 0.0), "pillar", "plate")
+        """Name of the region that holds each point (n, 3) of the body, m."""
+        height, layers = points[:, 2], np.array(self.regions[:-2], dtype="<U16")
+        inside = layers[np.searchsorted(np.asarray(self.joints_m, dtype=float), height)]
+        names = np.where((height > self.thickness_m) | (height < 0.0), "pillar", inside)
         for box in self.tips:
             names[((points > np.array(box.low)) & (points < np.array(box.high))).all(axis=1)] = "tip"
         return names
@@ -237,7 +247,9 @@ def zone_solid(design: Design, mirrors: str = "") -> Body:
     Body
         The strip from z = 0 to the thickness.
     """
-    return Body(_block(design.length_m, design.width_m, design.thickness_m, mirrors), design.thickness_m)
+    stack, blocks = design.stack, _blocks((design.length_m, design.width_m), design.stack, mirrors)
+    shape = _share_faces(blocks) if len(blocks) > 1 else blocks[0]
+    return Body(shape, stack.thickness_m, frozenset(stack.region_names[1:]), joints_m=stack.joints_m)
 
 
 def cell_solid(design: Design, mirrors: str = "") -> Body:
@@ -384,12 +396,15 @@ def _assemble(design: Design, size_m: tuple[float, float], stands: tuple[PillarG
     pillars = [pillar for each in stands for pillar in _standing(each, design.thickness_m, mirrors)]
     tips = tuple(box for each in stands for box in _tips(each, design.thickness_m, mirrors))
     foreign = bool(pillars and design.pillar and design.pillar.material != design.stack.back)
+    foreign |= bool(pillars and design.layers)  # of the back's own material they would be a layer by height alone
+    stack = design.stack
     bonds = frozenset(name for name, bonded in (("pillar", foreign), ("tip", bool(tips))) if bonded)
-    block = _block(*size_m, design.thickness_m, mirrors)
+    bonds |= frozenset(stack.region_names[1:])
+    blocks = _blocks(size_m, stack, mirrors)
     if pillars and not foreign:  # one boolean for all: pairwise fusing grows with the square of their number
-        block, pillars = _one_solid(block.fuse(*pillars), "plate and pillars"), []
-    shape = _share_faces([block, *pillars, *_solids(tips)]) if bonds else block
-    return Body(shape, design.thickness_m, bonds, tips)
+        blocks, pillars = [_one_solid(blocks[0].fuse(*pillars), "plate and pillars")], []
+    shape = _share_faces([*blocks, *pillars, *_solids(tips)]) if bonds else blocks[0]
+    return Body(shape, design.thickness_m, bonds, tips, stack.joints_m)
 
 
 def _solids(boxes: tuple[Box, ...]) -> list[Any]:
@@ -489,9 +504,12 @@ def _stem_shape(pillar: Pillar) -> Any:
         raise GeometryError(f"{what} of {MM * pillar.base_m:g} mm cannot be built") from fault
 
 
-def _block(length_m: float, width_m: float, thickness_m: float, mirrors: str) -> Any:
-    low = [0.0 if "x" in mirrors else -length_m / 2.0, 0.0 if "y" in mirrors else -width_m / 2.0, 0.0]
-    return _box(np.array(low), np.array([length_m / 2.0, width_m / 2.0, thickness_m]))
+def _blocks(size_m: tuple[float, float], stack: Stack, mirrors: str) -> list[Any]:
+    """The layers of a rectangle of plate, from the touch face."""
+    length_m, width_m = size_m
+    low = [0.0 if "x" in mirrors else -length_m / 2.0, 0.0 if "y" in mirrors else -width_m / 2.0]
+    high = [length_m / 2.0, width_m / 2.0]
+    return [_box(np.array([*low, z0]), np.array([*high, z1])) for z0, z1 in pairwise(stack.levels_m.tolist())]
 
 
 def _box(low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> Any:

@@ -25,6 +25,7 @@ from geometry.hex.scenes import (
     plate_scene,
     zone_scene,
 )
+from geometry.materials import layer_names
 from geometry.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -141,6 +142,9 @@ def boxes_of(scene: Scene) -> Boxes:
     region = np.full(_cuts(lines_x, lines_y, z), VOID, dtype=np.int64)
     region[_inside(lines_x, lines_y, scene.body), :layers] = 0
     middles = (z[1:] + z[:-1]) / 2.0
+    for number, joint in enumerate(scene.joints):
+        beyond = slice(int(np.searchsorted(middles, joint)), layers)
+        region[:, :, beyond][region[:, :, beyond] >= 0] = len(REGIONS) + number
     for foot in scene.feet:
         first, last = np.searchsorted(middles, (foot.bottom_m, foot.top_m))
         for centre in foot.centres:
@@ -148,7 +152,7 @@ def boxes_of(scene: Scene) -> Boxes:
     if scene.faces == 2:
         z = np.concatenate([max(scene.z) - z[:layers:-1], z])
         region = np.concatenate([region[:, :, : layers - 1 : -1], region], axis=2)
-    return Boxes(lines_x, lines_y, z, region, (scene.name, *REGIONS[1:]))
+    return Boxes(lines_x, lines_y, z, region, (scene.name, *REGIONS[1:], *layer_names(len(scene.joints) + 1)[1:]))
 
 
 P = ParamSpec("P")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -12,8 +12,9 @@ import numpy as np
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshError
 from geometry.hex.boxes import Boxes, hex_mesh, interpolation, panel_boxes
-from geometry.hex.scenes import Grading, HexSettings, grid_lines
+from geometry.hex.scenes import Grading, HexSettings, breaks_through, grid_lines
 from geometry.layout import Pillar
+from geometry.materials import Stack, layer_names
 from geometry.mesh import Mesh
 from geometry.pillar_shapes import Square
 from geometry.tiling import Panel
@@ -122,7 +123,7 @@ class VariedPanel:
     """
 
     panel: Panel
-    thickness_m: float
+    stack: Stack
     pillar: Pillar
     settings: HexSettings
     opened: tuple[int, ...] = ()
@@ -144,12 +145,12 @@ class VariedPanel:
             return self._shifted(shifts, change)
         grown, shift_m = 1.0 + change.side_m / self.pillar.base_m, (change.x_m, change.y_m)
         patches = _foot_patches(self._whole, self.pillar, self.settings, grown, shift_m)
-        z = _lines_along_z(self.thickness_m, self.pillar, self.settings)
-        return _relaid(self._patched, patches, self._raised(z, change), self.thickness_m)
+        z = _lines_along_z(self.stack, self.pillar, self.settings)
+        return _relaid(self._patched, patches, self._raised(z, change), self.stack.thickness_m)
 
     def _raised(self, z: FloatArray, change: PillarChange) -> FloatArray:
         """Places along z, those above the plate stretched to the changed height."""
-        beyond = np.maximum(z - self.thickness_m, 0.0)
+        beyond = np.maximum(z - self.stack.thickness_m, 0.0)
         return np.asarray(z + beyond * change.height_m / self.pillar.height_m)
 
     @property
@@ -159,16 +160,16 @@ class VariedPanel:
 
     @cached_property
     def _patched(self) -> PatchedMesh:
-        return panel_mesh(self._whole, self.thickness_m, self.pillar, self.settings)
+        return panel_mesh(self._whole, self.stack, self.pillar, self.settings)
 
     @cached_property
     def _of_boxes(self) -> Mesh:
-        boxes = panel_boxes(replace(self.panel, pillar=square_of(self.pillar)), self.thickness_m, None, self.settings)
+        boxes = panel_boxes(replace(self.panel, pillar=square_of(self.pillar)), self.stack, None, self.settings)
         for axis in self.opened:
             boxes = unfolded(boxes, axis)
         taper = 1.0 if self.pillar.is_made_of_boxes else self.pillar.form.taper
         mesh = hex_mesh(boxes, self.settings.order)
-        return leaning(mesh, _foot_from_middle(self.panel), self.thickness_m, self.pillar.height_m, taper)
+        return leaning(mesh, _foot_from_middle(self.panel), self.stack.thickness_m, self.pillar.height_m, taper)
 
     def _shifted(self, shifts: tuple[_Shift, _Shift], change: PillarChange) -> Mesh:
         """Lines along the axes go along with the foot: the plate's nodes piecewise linearly between the panel's sides and the
@@ -176,7 +177,7 @@ class VariedPanel:
         """
         mesh = self.still
         x, y, z = mesh.nodes.T
-        above = z > self.thickness_m + FLUSH_M
+        above = z > self.stack.thickness_m + FLUSH_M
         plan = [np.where(above, own.foot(line), own.plate(line)) for own, line in zip(shifts, (x, y), strict=True)]
         nodes = np.column_stack([*plan, self._raised(z, change)])
         spans = None if mesh.spans is None else np.ptp(nodes[mesh.cells], axis=1)
@@ -352,7 +353,9 @@ def leaning(mesh: Mesh, centre: FloatArray, thickness: float, height: float, tap
     return replace(mesh, nodes=np.column_stack([plan, mesh.nodes[:, 2]]), spans=None)
 
 
-def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) -> PatchedMesh:
+def joined(
+    patches: list[Patch], z: FloatArray, thickness: float, order: int, joints: Sequence[float] = ()
+) -> PatchedMesh:
     """Extrude patches along z and join them into one mesh.
 
     Nodes in the same place become one. The pillar stands above the thickness and hangs below 0.
@@ -367,6 +370,8 @@ def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) ->
         Thickness of the plate, in the same unit.
     order : int
         Order of the elements, 1 to 4.
+    joints : sequence of float, optional
+        Heights where layers of the plate meet, lines along z among them, in the unit of `z`.
 
     Returns
     -------
@@ -392,7 +397,10 @@ def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) ->
     standing = np.concatenate(
         [np.isin(np.arange(len(m.cells)), m.regions.get("pillar", np.empty(0, dtype=int))) for m in own]
     )
-    regions = {"plate": np.flatnonzero(~standing), "pillar": np.flatnonzero(standing)}
+    middles = places[first][cells][:, :, 2].mean(axis=1)
+    layer = np.where(standing, -1, np.searchsorted(np.asarray(joints, dtype=float), middles))
+    regions = {name: np.flatnonzero(layer == number) for number, name in enumerate(layer_names(len(joints) + 1))}
+    regions["pillar"] = np.flatnonzero(standing)
     spans = [mesh.spans for mesh in own if mesh.spans is not None]
     lengths = np.concatenate(spans) if all(patch.place is straight for patch in patches) else None
     mesh = Mesh(places[first], cells, "hex", order, regions, {}, lengths)
@@ -437,15 +445,15 @@ PLANS: dict[str, tuple[Quadrant, tuple[float, float]]] = {
 }
 
 
-def panel_mesh(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> PatchedMesh:
+def panel_mesh(panel: Panel, stack: Stack, pillar: Pillar | None, settings: HexSettings) -> PatchedMesh:
     """Mesh a rectangular panel with its pillar, if any, and its middle at the origin.
 
     Parameters
     ----------
     panel : Panel
         Corners and foot in m; along the axes in `halved` only the positive side is meshed.
-    thickness_m : float
-        Thickness of the plate in m.
+    stack : Stack
+        Layers of the plate.
     pillar : Pillar or None
         Pillar of a panel that does not name its own.
     settings : HexSettings
@@ -463,15 +471,15 @@ def panel_mesh(panel: Panel, thickness_m: float, pillar: Pillar | None, settings
     """
     own = panel.pillar or pillar
     if panel.foot is None or own is None or own.is_made_of_boxes:
-        return _of_boxes(panel, thickness_m, pillar, settings)
+        return _of_boxes(panel, stack, pillar, settings)
     if not (own.takes_hexahedra and has_room(panel, own)):
         raise MeshError(f"hexahedra cannot follow a {own.shape} pillar in a panel of this size")
     if own.form.plan == "rectangle":
-        prism = _of_boxes(replace(panel, pillar=square_of(own)), thickness_m, None, settings)
-        frustum = leaning(prism.mesh, _foot_from_middle(panel), thickness_m, own.height_m, own.form.taper)
+        prism = _of_boxes(replace(panel, pillar=square_of(own)), stack, None, settings)
+        frustum = leaning(prism.mesh, _foot_from_middle(panel), stack.thickness_m, own.height_m, own.form.taper)
         return replace(prism, mesh=frustum)
-    z = _lines_along_z(thickness_m, own, settings)
-    return joined(_foot_patches(panel, own, settings), z, thickness_m, settings.order)
+    z = _lines_along_z(stack, own, settings)
+    return joined(_foot_patches(panel, own, settings), z, stack.thickness_m, settings.order, stack.joints_m)
 
 
 def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> csr_array:
@@ -567,10 +575,11 @@ def _foot_patches(
     return patches
 
 
-def _lines_along_z(thickness_m: float, pillar: Pillar, settings: HexSettings) -> FloatArray:
+def _lines_along_z(stack: Stack, pillar: Pillar, settings: HexSettings) -> FloatArray:
     """Lines through the plate and along its pillar, and along its mirror image below."""
+    thickness_m = stack.thickness_m
     both, high = pillar.faces == 2, thickness_m + pillar.height_m
-    z = grid_lines({0.0: both, thickness_m: True}, settings.through_grading(thickness_m))
+    z = grid_lines(breaks_through(stack, both, True), settings.through_grading(stack))
     along = grid_lines({thickness_m: True, high: False}, settings.pillar_grading)
     below = thickness_m - along[:0:-1] if both else z[:0]
     return np.concatenate([below, z, along[1:]])
@@ -677,8 +686,8 @@ def _exchanged(place: Map) -> Map:
     return lambda u, v: place(v, u)[:, ::-1]
 
 
-def _of_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> PatchedMesh:
-    boxes = panel_boxes(panel, thickness_m, pillar, settings)
+def _of_boxes(panel: Panel, stack: Stack, pillar: Pillar | None, settings: HexSettings) -> PatchedMesh:
+    boxes = panel_boxes(panel, stack, pillar, settings)
     mesh = hex_mesh(boxes, settings.order)
     return PatchedMesh(mesh, (boxes,), (np.arange(len(mesh.nodes)),))
 

@@ -12,11 +12,13 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.errors import MeshError
 from geometry.layout import Design, Pillar, PillarGroup
+from geometry.materials import Stack
 from geometry.tiling import Panel, lattice_panel
 
 # -- lines -------------------------------------------------------------------------------------------------------------
 # Lines of a tensor-product grid: breakpoints, element sizes, and geometric grading towards singular edges.
 
+PER_LAYER = 2  # elements through each layer of several: so many nodes has each degree at one order less, too
 SAME = 1e-9  # of the breakpoints' span: those closer than this are one
 
 
@@ -157,9 +159,10 @@ class HexSettings:
         """Grading along the pillar's height."""
         return self._grading(self.pillar_size_m or self.size_m)
 
-    def through_grading(self, thickness_m: float) -> Grading:
+    def through_grading(self, stack: Stack) -> Grading:
         """Grading through the thickness of a plate with pillars."""
-        return self._grading(min(self.size_m, thickness_m / self.through))
+        own = self._grading(min(self.size_m, stack.thickness_m / self.through))
+        return replace(own, least=max(own.least, PER_LAYER)) if stack.joints else own
 
     def _grading(self, size_m: float) -> Grading:
         return Grading(size_m, self.layers, self.factor, self.skipped, self.least)
@@ -213,6 +216,8 @@ class Scene:
         Rectangles x0, x1, y0, y1 that the lowest body fills; None for all of it.
     faces : int
         2 if mirror images of the pillars hang below the body, else 1.
+    joints : tuple of float
+        Heights in m where layers of the lowest body meet.
     """
 
     x: dict[float, bool]
@@ -226,6 +231,7 @@ class Scene:
     feet: tuple[Foot, ...] = ()
     body: FloatArray | None = None
     faces: int = 1
+    joints: tuple[float, ...] = ()
 
 
 def zone_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
@@ -248,7 +254,8 @@ def zone_scene(design: Design, settings: HexSettings, quarter: bool = True) -> S
         Breakpoints in m.
     """
     x, y = (_span(size / 2.0, True, quarter) for size in (design.length_m, design.width_m))
-    return Scene(x, y, {0.0: True, design.thickness_m: True}, settings.grading, settings.grading)
+    z = breaks_through(design.stack, True, True)
+    return Scene(x, y, z, settings.grading, settings.grading, joints=design.stack.joints_m)
 
 
 def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Scene:
@@ -286,15 +293,15 @@ def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) ->
     return Scene(x, y, height, settings.grading, along, "pillar", above, along, feet, foot)
 
 
-def panel_scene(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Scene:
+def panel_scene(panel: Panel, stack: Stack, pillar: Pillar | None, settings: HexSettings) -> Scene:
     """Lay out a rectangular panel of plate with its pillar, if any, and its middle at the origin.
 
     Parameters
     ----------
     panel : Panel
         Corners and foot in m; along the axes in `halved` only the positive side is kept.
-    thickness_m : float
-        Thickness of the plate in m.
+    stack : Stack
+        Layers of the plate.
     pillar : Pillar or None
         Pillar of a panel that does not name its own.
     settings : HexSettings
@@ -317,12 +324,12 @@ def panel_scene(panel: Panel, thickness_m: float, pillar: Pillar | None, setting
         spans.append(_span(half, False, axis in panel.halved))
     pillar = panel.pillar or pillar
     stands = (PillarGroup(pillar, np.array([panel.foot]) - middle),) if pillar and panel.foot else ()
-    return _plate_with_pillars(thickness_m, settings, stands, *spans)
+    return _plate_with_pillars(stack, settings, stands, *spans)
 
 
 def bonded_scene(
     span_m: FloatArray,
-    thickness_m: float,
+    stack: Stack,
     stands: tuple[PillarGroup, ...],
     box_m: FloatArray,
     back: bool,
@@ -336,8 +343,8 @@ def bonded_scene(
     ----------
     span_m : ndarray, shape (4,)
         The rectangle x0, x1, y0, y1 in m.
-    thickness_m : float
-        Thickness of the plate in m.
+    stack : Stack
+        Layers of the plate.
     stands : tuple of PillarGroup
         Pillars and their centres.
     box_m : ndarray, shape (4,)
@@ -360,8 +367,8 @@ def bonded_scene(
     lines: list[dict[float, bool]] = [{}, {}]
     for breaks, ends, edges in zip(lines, span_m.reshape(2, 2), box_m.reshape(2, 2), strict=True):
         breaks |= dict.fromkeys(ends.tolist(), False) | {e: True for e in edges.tolist() if ends[0] < e < ends[1]}
-    scene = _plate_with_pillars(thickness_m, settings, stands, lines[0], lines[1])
-    return replace(scene, z=scene.z | {thickness_m if back else 0.0: True})
+    scene = _plate_with_pillars(stack, settings, stands, lines[0], lines[1])
+    return replace(scene, z=scene.z | {stack.thickness_m if back else 0.0: True})
 
 
 def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:
@@ -389,7 +396,7 @@ def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> 
         If boxes cannot follow the pillar.
     """
     panel = replace(lattice_panel(design), halved=(0, 1) if quarter else ())
-    scene = panel_scene(panel, design.thickness_m, design.pillar, settings)
+    scene = panel_scene(panel, design.stack, design.pillar, settings)
     if not design.stagger:
         return scene
     half = design.pitch_x_m / 2.0
@@ -428,7 +435,7 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
     stands, reach = design.standing(), design.footprint_m / 2.0
     if quarter:
         stands = tuple(PillarGroup(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in stands)
-    return _plate_with_pillars(design.thickness_m, settings, stands, x, y)
+    return _plate_with_pillars(design.stack, settings, stands, x, y)
 
 
 def part_scene(design: Design, part: str, settings: HexSettings, quarter: bool = True) -> Scene:
@@ -465,8 +472,26 @@ def _span(half: float, singular: bool, quarter: bool) -> dict[float, bool]:
     return {(0.0 if quarter else -half): singular and not quarter, half: singular}
 
 
+def breaks_through(stack: Stack, touch: bool, back: bool) -> dict[float, bool]:
+    """List the breakpoints through a plate: both faces, and the heights where its layers meet.
+
+    Parameters
+    ----------
+    stack : Stack
+        Layers of the plate.
+    touch, back : bool
+        Whether edges on the touch face, or on the back, are singular.
+
+    Returns
+    -------
+    dict of bool
+        Breakpoints in m; True marks singular edges.
+    """
+    return {0.0: touch} | dict.fromkeys(stack.joints_m, False) | {stack.thickness_m: back}
+
+
 def _plate_with_pillars(
-    thickness_m: float,
+    stack: Stack,
     settings: HexSettings,
     stands: tuple[PillarGroup, ...],
     x: dict[float, bool],
@@ -475,7 +500,8 @@ def _plate_with_pillars(
     """Lines pass along every foot edge, graded there in x, y and in z on both sides of the foot."""
     stands = tuple(each for each in stands if len(each.centres))
     if not stands:
-        return Scene(x, y, {0.0: False, thickness_m: False}, settings.grading, settings.through_grading(thickness_m))
+        z, through = breaks_through(stack, False, False), settings.through_grading(stack)
+        return Scene(x, y, z, settings.grading, through, joints=stack.joints_m)
     for breaks, column in ((x, 0), (y, 1)):
         low, high = min(breaks), max(breaks)
         for each in stands:
@@ -484,11 +510,12 @@ def _plate_with_pillars(
                     if low < centre + edge < high:
                         breaks[centre + edge] = inner or breaks.get(centre + edge, False)
     (faces,) = {each.pillar.faces for each in stands}
-    z, through = {0.0: faces == 2, thickness_m: True}, settings.through_grading(thickness_m)
-    feet = tuple(foot for each in stands for foot in _prisms(each.pillar, each.centres, thickness_m))
+    z, through, top = breaks_through(stack, faces == 2, True), settings.through_grading(stack), stack.thickness_m
+    feet = tuple(foot for each in stands for foot in _prisms(each.pillar, each.centres, top))
     junctions = {foot.bottom_m for foot in feet}
     above = {height: height in junctions for foot in feet for height in (foot.bottom_m, foot.top_m)}
-    return Scene(x, y, z, settings.grading, through, "plate", above, settings.pillar_grading, feet, faces=faces)
+    along, joints = settings.pillar_grading, stack.joints_m
+    return Scene(x, y, z, settings.grading, through, "plate", above, along, feet, faces=faces, joints=joints)
 
 
 def _edges(pillar: Pillar) -> tuple[dict[float, bool], dict[float, bool]]:

@@ -35,7 +35,6 @@ EPSILON_PER_EDGE, ATTEMPTS = 1 / 60, 3  # how far the mesher's surface may leave
 EPSILON_PER_DIAGONAL = 1e-3  # the mesher's own default, a limit when the edge is long compared with the body
 FLAT_QUALITY = 1e-3  # mean-ratio quality of a tetrahedron that is as good as flat (regular: 1)
 PART_TOLERANCE = 1e-3  # relative volume error allowed to each bonded part
-REGIONS = ("plate", "pillar", "tip")
 VOLUME_TOLERANCE = 1e-3  # relative, of the whole body
 ON_PLANE = 1e-9  # of the diagonal: planes must be met to rounding
 
@@ -393,7 +392,8 @@ def _attempt(body: Body, edge_m: float, size: NearSegments | None, epsilon: floa
     if body.bonded:  # then the mesher keeps the whole box, since faces between parts would confuse its filter
         cells = cells[surface.encloses(vertices[cells].mean(axis=1))]
     region = body.region_of(vertices[cells].mean(axis=1) / MM)
-    part = np.select([(region == name) & (name in body.bonds) for name in REGIONS], range(len(REGIONS)), 0)
+    names = body.regions
+    part = np.select([(region == name) & (name in body.bonds) for name in names], range(len(names)), 0)
     boundary = _find_boundary(vertices, cells, part, surface)
     snapped = _snap_vertices(vertices, boundary, surface)
     _check_moves(vertices, snapped, 0.5 * MM * edge_m)
@@ -402,7 +402,7 @@ def _attempt(body: Body, edge_m: float, size: NearSegments | None, epsilon: floa
     nodes, full, off = _quadratic(there, cells, boundary, surface)
     used, compact = np.unique(full, return_inverse=True)  # orphans dropped
     mesh = Mesh(nodes[used] / MM, compact.reshape(full.shape).astype(np.int64), "tet", 2)
-    regions = {name: np.flatnonzero(region == name) for name in REGIONS if (region == name).any()}
+    regions = {name: np.flatnonzero(region == name) for name in names if (region == name).any()}
     mesh = replace(mesh, regions=regions, faces=_named_faces(mesh, body, boundary, surface))
     check_mesh(mesh, body.volume_m3, VOLUME_TOLERANCE)
     check_parts(mesh, body)

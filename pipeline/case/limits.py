@@ -25,6 +25,16 @@ DENSITY_KG_M3: Range = (1.0, 1e5)
 """From an aerogel to four times osmium (22 590 kg/m3)."""
 POISSON_MARGIN = 1e-6
 """Closer to -1 or 0.5, shear and bulk modulus differ by more than 2.5e5, and their sum loses digits of the smaller."""
+POISSON_RATIO: Range = (-100.0, 100.0)
+"""Of an orthotropic law each is limited by the ratio of two moduli alone."""
+LOSS_FACTOR: Range = (0.0, 10.0)
+"""Imaginary over real part of a modulus: rubber at its glass transition reaches 2 or 3."""
+PER_KELVIN: Range = (-0.1, 0.1)
+"""Relative change of a modulus per kelvin: near its glass transition a polymer loses some percent per kelvin."""
+EXPANSION_PER_K: Range = (-1e-3, 1e-3)
+"""Silicones reach 3e-4 per kelvin."""
+TEMPERATURE_C: Range = (-273.15, 3000.0)
+ANGLE_DEG: Range = (-360.0, 360.0)
 FREQUENCY_KHZ: Range = (1e-6, 1e6)
 """A millihertz is quasi-static; at a gigahertz the wavelength in a metal, some micrometres, is that of its grains."""
 ACCURACY: Range = (1e-6, 0.1)
@@ -62,6 +72,10 @@ MAX_SLENDERNESS = 1000.0
 """Pillar height / side, and side / height: the round-off error of a bending eigenvalue is eps (h/a)^4, here 2e-4."""
 MAX_PILLARS = 1_000_000
 """Each adds at least a hundred degrees of freedom: beyond this no machine can hold the factorisation."""
+MIN_LAYER = 1e-3
+"""A layer's thickness relative to the plate's: its elements are as wide as the plate is thick, and so slender at most."""
+MAX_LAYERS = 20
+"""Each has elements and boundary functions of its own."""
 MIN_GAP = 1e-4
 """Gap between two pillars relative to the footprint: an element there is as wide as the gap and as long as the foot."""
 MAX_CONTRAST = 1e8
@@ -83,7 +97,7 @@ def span(limits: Range) -> str:
 
 
 def doubts(design: Design) -> list[str]:
-    """Yield one line for each material of a design with implausible constants."""
+    """Yield a line for each material of a design with implausible constants, or without those of its temperature."""
     tips = [pillar.tip.material for pillar in design.kinds if pillar.tip]
     materials = dict.fromkeys([*design.stack.regions.values(), *(pillar.material for pillar in design.kinds), *tips])
     return [line for material in materials for line in _doubt(material)]
@@ -154,6 +168,21 @@ def parse_band(text: str, what: str = "band") -> tuple[float, float]:
 
 
 def _doubt(material: Material) -> list[str]:
+    return [*_implausible(material), *_at_another_temperature(material)]
+
+
+def _at_another_temperature(material: Material) -> list[str]:
+    from geometry.materials import USUAL_C
+
+    if material.temperature_c == USUAL_C or material.softening_per_k is not None:
+        return []
+    return [
+        f"{material.name}: dE_dT_per_K is not known: its stiffness is that of {USUAL_C:g} C, not of solve.temperature_C = "
+        f"{material.temperature_c:g}"
+    ]
+
+
+def _implausible(material: Material) -> list[str]:
     young = material.average.young_pa
     speed = sqrt(young / material.density_kg_m3)
     given = f"{material.name}: young_GPa = {young / 1e9:g}, density_kg_m3 = {material.density_kg_m3:g}"

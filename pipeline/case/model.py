@@ -16,7 +16,7 @@ from geometry import lattice
 from geometry.elements import FloatArray
 from geometry.fingertips import FINGERTIPS, Fingertip
 from geometry.layout import Design, Patches, Pillar, Tip, antinode_places
-from geometry.materials import PIEZO_MATERIALS, Material
+from geometry.materials import PIEZO_MATERIALS, Layer, Material, Stack
 from geometry.pillar_shapes import PillarShape
 from pipeline.case.checks import one_table, span_mm
 from pipeline.case.reading import (
@@ -179,7 +179,7 @@ class Case:
         if self.measured:
             plain["measured"] = self.measured.to_dict()
         pillar, shape = self.design.pillar, plain["design"]
-        for key in ("graded", "graded_pitches_m", "stagger"):
+        for key in ("graded", "graded_pitches_m", "stagger", "layers"):
             if not shape[key]:
                 del shape[key]
         if self.design.zones == 1:
@@ -426,12 +426,13 @@ def _design(values: Values) -> Design:
     array = file.array
     pillars = tuple(pillar for row, form in values.rows if (pillar := _pillar(values, row, form)))
     pitches = tuple(MM * pitch for pitch in array.pitches_y_mm or ())
+    layers = _layers(values)
     return Design(
         length_m=_metres(file.zone.length_mm),
         width_m=_metres(file.zone.width_mm),
-        thickness_m=_metres(file.plate.thickness_mm),
+        thickness_m=Stack(layers).thickness_m if layers else _metres(file.plate.thickness_mm),
         nodal_lines=file.zone.nodal_lines or 0,
-        material=values.materials[""],
+        material=layers[-1].material if layers else values.materials[""],
         pillar=pillars[0] if pillars else None,
         pitch_x_m=_metres(array.pitch_x_mm),
         pitch_y_m=_metres(array.pitch_y_mm),
@@ -440,8 +441,16 @@ def _design(values: Values) -> Design:
         graded=pillars if len(set(pillars)) > 1 else (),
         graded_pitches_m=pitches if len(set(pitches)) > 1 else (),
         stagger=array.stagger or False,
+        layers=layers if len(layers) > 1 else (),
         **_zones(values),
     )
+
+
+def _layers(values: Values) -> tuple[Layer, ...]:
+    """Return the plate's layers, those of one material that touch as one; none for a plate without [[plate.layer]]."""
+    named = (values.materials[f"plate.layer.{number}"] for number in range(len(values.layers_mm)))
+    given = (Layer(material, MM * each) for material, each in zip(named, values.layers_mm, strict=True))
+    return Stack.of_layers(given).layers
 
 
 def _metres(length_mm: float | None) -> float:
@@ -461,7 +470,7 @@ def _zones(values: Values) -> dict[str, Any]:
 def _pillar(values: Values, row: Tables, form: PillarShape | None) -> Pillar | None:
     if form is None:
         return None
-    material = values.materials.get("pillar", values.materials[""])
+    material = values.materials["pillar" if "pillar" in values.materials else ""]
     height, fillet = form.height_m(_metres(row.pillar.height_mm)), MM * row.pillar.fillet_mm
     more: dict[str, Any] = {"file": form.file, "more_m": form.more_m, "tip": _tip(values, material)}
     more["faces"] = 2 if row.pillar.faces == "both" else 1
@@ -502,6 +511,8 @@ def _plain(value: Any) -> Any:
     """Convert dataclasses, tables, tuples and numbers to JSON; NaN (not given) is null; no sources of constants."""
     if isinstance(value, Material):
         return _plain(value.stated)
+    if isinstance(value, Layer):
+        return _plain(value._asdict())
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: _plain(getattr(value, f.name)) for f in fields(value) if f.name != "source"}
     if isinstance(value, Table):

@@ -20,16 +20,18 @@ from pydantic.fields import FieldInfo
 from geometry.errors import GeometryError
 from geometry.files import read_by_command
 from geometry.layout import Design
-from geometry.materials import MATERIALS, Material
+from geometry.materials import LAWS, LIBRARY, MATERIALS, USUAL_C, Material
 from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline import paths
 from pipeline.case.checks import CHECKS, Diagnostic, check_zones, normalise_pitch
-from pipeline.case.limits import MAX_CONTRAST
+from pipeline.case.limits import MAX_CONTRAST, MAX_LAYERS, MIN_LAYER
 from pipeline.case.schema import (
+    LAYERS_ALLOWED,
     MATERIAL_ALLOWED,
     MATERIAL_OWNERS,
     NAME_ALLOWED,
     TABLES,
+    LayerTable,
     MaterialTable,
     Table,
     Tables,
@@ -39,6 +41,7 @@ from pipeline.errors import InputError, reason
 from pipeline.quantity import GPA, MM
 
 Checked = TypeVar("Checked", bound=BaseModel)
+FIRST_LAYER = "plate.layer.0"
 MAX_LENGTH = 60  # longest value or key that is shown, in characters
 MAX_NAMES = 2000  # largest folder in which a misspelled name is compared
 MAX_LINES = 50  # largest number of faults listed; a file with more is not a case file
@@ -125,6 +128,7 @@ class CaseValues:
     rows: tuple[tuple[Tables, PillarShape | None], ...]  # for each row; a single entry if all rows are alike
     given: frozenset[str]
     diagnostics: Diagnostics
+    layers_mm: tuple[float, ...] = ()  # thicknesses of a plate of several layers
 
 
 def quoted(value: Any) -> str:
@@ -371,6 +375,7 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
     found: dict[str, Table] = {}
     faulty: set[str] = set()
     materials: dict[str, Material] = {}
+    layers: tuple[float, ...] = ()
     for key in raw:
         if key not in TABLES and key not in ("name", "material"):
             diagnostics.unknown(key, raw[key], [*known, *TABLES] if not isinstance(raw[key], dict) else [*TABLES])
@@ -381,19 +386,26 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
         if not isinstance(content, dict):
             diagnostics.add(table, content, f"must be a table [{table}]")
             continue
-        hidden = "material" if table in MATERIAL_OWNERS else None
+        hidden = "material" if table in MATERIAL_OWNERS else "layer" if table == "plate" else None
         own = {key: value for key, value in content.items() if key != hidden}
+        if table == "plate" and "layer" in content:
+            layers = _read_layers(content, materials, known, diagnostics)
+            own = own | ({"thickness_mm": sum(layers)} if layers else {})
+            faulty |= set() if layers else {"plate.thickness_mm"}
+            if not layers:
+                continue
         found[table], bad = check_table(model, own, f"{table}.", known, diagnostics)
         faulty |= bad
     for owner in MATERIAL_OWNERS:
-        _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, diagnostics)
+        _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, diagnostics, bool(layers))
     _check_contrast(materials, diagnostics)
+    _warm(materials, found, faulty, diagnostics)
     name = _read_name(raw, source, diagnostics)
     tables = Tables.of(found, faulty)
     _add_all(chain(normalise_rows(tables), normalise_pitch(tables)), diagnostics)
     rows = tuple((own, _read_shape(own, source, diagnostics)) for own in by_row(tables))
     _check_across(rows, diagnostics)
-    return CaseValues(name, tables, materials, rows, _given(raw), diagnostics)
+    return CaseValues(name, tables, materials, rows, _given(raw), diagnostics, layers)
 
 
 def _allowed(field: FieldInfo) -> str:
@@ -442,9 +454,15 @@ def _drop(raw: dict[str, Any], key: str) -> None:
 
 
 def _put(raw: dict[str, Any], parts: list[str], value: Any) -> None:
-    owner = raw
+    owner: Any = raw
     for depth, part in enumerate(parts[:-1]):
+        if isinstance(owner, list):
+            owner = _item(owner, part, parts)
+            continue
         below = owner.get(part)
+        if isinstance(below, list):
+            owner = below
+            continue
         if isinstance(below, str) and part == "material":
             below = _material_table(below)
         if below is not None and not isinstance(below, dict):
@@ -452,18 +470,23 @@ def _put(raw: dict[str, Any], parts: list[str], value: Any) -> None:
             raise InputError(f"--set {'.'.join(parts)}: {path} is a value, not a table")
         owner[part] = below = {} if below is None else below
         owner = below
+    if isinstance(owner, list):
+        raise InputError(f"--set {'.'.join(parts)}: must name a key of one of its tables, such as thickness_mm")
     owner[parts[-1]] = value
+
+
+def _item(tables: list[Any], part: str, parts: list[str]) -> Any:
+    """Return the table of a list by its number, from 0."""
+    if not part.isdigit() or int(part) >= len(tables) or not is_table(tables[int(part)]):
+        last = f"0 to {len(tables) - 1}" if len(tables) > 1 else "0"
+        raise InputError(f"--set {'.'.join(parts)}: {part} must be the number of one of its tables, {last}")
+    return tables[int(part)]
 
 
 def _material_table(name: str) -> dict[str, Any] | None:
     """Return the constants of a named material, so that one of them can be overridden."""
-    from geometry.materials import MATERIALS
-
-    known = MATERIALS.get(name)
-    if known is None:
-        return None
-    own = known.as_isotropic
-    return {"young_GPa": own.young_pa / GPA, "density_kg_m3": known.density_kg_m3, "poisson": own.poisson}
+    known = LIBRARY.get(name)
+    return None if known is None else {key: copy.copy(value) for key, value in known.items() if key != "source"}
 
 
 def _quoted(text: str) -> str:
@@ -471,13 +494,55 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
+def _read_layers(
+    plate: dict[str, Any], materials: dict[str, Material], known: list[str], diagnostics: Diagnostics
+) -> tuple[float, ...]:
+    """Read the materials of the plate's layers, and return their thicknesses in mm; () for faulty ones."""
+    layers, before = plate["layer"], len(diagnostics.lines)
+    if not isinstance(layers, list) or not 0 < len(layers) <= MAX_LAYERS or not all(map(is_table, layers)):
+        diagnostics.add("plate.layer", layers, f"must be one to {MAX_LAYERS} {LAYERS_ALLOWED}")
+        return ()
+    if "thickness_mm" in plate:
+        diagnostics.add("plate.thickness_mm", plate["thickness_mm"], "must be left out: the layers have their own")
+    for number, layer in enumerate(layers):
+        owner = f"plate.layer.{number}"
+        own = {key: value for key, value in layer.items() if key != "material"}
+        check_table(LayerTable, own, f"{owner}.", known, diagnostics)
+        _read_material(layer, owner, materials, known, diagnostics)
+    if len(diagnostics.lines) > before:
+        return ()
+    thicknesses = tuple(float(layer["thickness_mm"]) for layer in layers)
+    for number, thickness in enumerate(thicknesses):
+        if thickness < (least := MIN_LAYER * sum(thicknesses)):
+            what = f"must be at least {least:.4g}, {MIN_LAYER:g} of the plate's thickness: no element is as thin"
+            diagnostics.add(f"plate.layer.{number}.thickness_mm", thickness, what)
+    return thicknesses
+
+
+def is_table(value: Any) -> bool:
+    """Whether a value is a table."""
+    return isinstance(value, dict)
+
+
 def _read_material(
-    owner_table: Any, owner: str, materials: dict[str, Material], known: list[str], diagnostics: Diagnostics
+    owner_table: Any,
+    owner: str,
+    materials: dict[str, Material],
+    known: list[str],
+    diagnostics: Diagnostics,
+    layered: bool = False,
 ) -> None:
+    """Read the material of a table; the case's own is needed unless the plate has layers and the pillars one of theirs."""
     key = f"{owner}.material".lstrip(".")
     if not isinstance(owner_table, dict) or "material" not in owner_table:
-        if owner == "":
+        pillar = owner_table.get("pillar") if isinstance(owner_table, dict) and owner == "" else None
+        if owner.startswith("plate."):
             diagnostics.missing(key, f"must be {MATERIAL_ALLOWED} ({', '.join(MATERIALS)})")
+        elif owner == "" and layered and (not isinstance(pillar, dict) or "material" in pillar):
+            pass
+        elif owner == "":
+            why = ", of the pillars: the plate's layers have their own" if layered else ""
+            diagnostics.missing(key, f"must be {MATERIAL_ALLOWED} ({', '.join(MATERIALS)}){why}")
         return
     value = owner_table["material"]
     if isinstance(value, str):
@@ -487,21 +552,55 @@ def _read_material(
             diagnostics.add(key, value, f"must be one of {', '.join(MATERIALS)} or a table{nearest(value, MATERIALS)}")
     elif isinstance(value, dict):
         before = len(diagnostics.lines)
-        given, _ = check_table(MaterialTable, value, f"{key}.", known, diagnostics)
+        check_table(MaterialTable, value, f"{key}.", known, diagnostics)
+        _check_law(value, key, diagnostics)
         if len(diagnostics.lines) == before:
-            materials[owner] = given.material
+            try:
+                materials[owner] = Material.of_table("given", value)
+            except GeometryError as error:
+                name, _, what = str(error).partition(": ")
+                diagnostics.add(f"{key}.{name}", value[name.partition(".")[0]], what)
     else:
         diagnostics.add(key, value, f"must be {MATERIAL_ALLOWED}")
 
 
+def _check_law(value: dict[str, Any], key: str, diagnostics: Diagnostics) -> None:
+    """Report a table of a material that has no law, or several, and keys that its law does not take."""
+    laws = [law for law in LAWS if law in value]
+    if not laws:
+        others = ", ".join(LAWS[1:])
+        diagnostics.missing(f"{key}.young_GPa", f"must be given with poisson, or one of {others} in its place")
+    for other in laws[1:]:
+        diagnostics.add(f"{key}.{other}", value[other], f"cannot be combined with {laws[0]}: one law only")
+    if laws == ["young_GPa"] and "poisson" not in value:
+        allowed = MaterialTable.model_fields["poisson"].description
+        diagnostics.missing(f"{key}.poisson", f"must be {allowed}")
+    if laws[:1] not in ([], ["young_GPa"]) and "poisson" in value:
+        diagnostics.add(f"{key}.poisson", value["poisson"], f"must be left out with {laws[0]}")
+    if laws[:1] == ["young_GPa"] and "axes_deg" in value:
+        diagnostics.add(f"{key}.axes_deg", value["axes_deg"], "must be left out of an isotropic law, which has no axes")
+
+
+def _warm(materials: dict[str, Material], found: dict[str, Table], faulty: set[str], diagnostics: Diagnostics) -> None:
+    """Bring the materials to the temperature of the case."""
+    celsius = getattr(found.get("solve"), "temperature_C", USUAL_C)
+    if "solve.temperature_C" in faulty or celsius == USUAL_C:
+        return
+    for owner, material in materials.items():
+        try:
+            materials[owner] = material.at(celsius)
+        except GeometryError as error:
+            diagnostics.add("solve.temperature_C", celsius, str(error))
+
+
 def _check_contrast(materials: dict[str, Material], diagnostics: Diagnostics) -> None:
-    """Report a stiffness contrast of plate and pillar or tip that a single matrix cannot resolve."""
+    """Report a stiffness contrast of plate and pillar or tip, or of two layers, that a single matrix cannot resolve."""
     young = {owner: material.average.young_pa / GPA for owner, material in materials.items()}
-    plate = young.pop("", None)
+    plate = young.pop(FIRST_LAYER, young.pop("", None))
     for owner, other in young.items():
         if plate is not None and max(plate, other) > MAX_CONTRAST * min(plate, other):
             limit = f"must be within a factor of {MAX_CONTRAST:g} of the plate's {plate:g} GPa"
-            diagnostics.add(f"{owner}.material.young_GPa", other, limit)
+            diagnostics.add(f"{owner}.material.young_GPa".lstrip("."), other, limit)
 
 
 def _read_name(raw: dict[str, Any], source: Path | None, diagnostics: Diagnostics) -> str:

@@ -11,11 +11,11 @@ from pydantic.json_schema import models_json_schema
 
 from geometry.fingertips import FINGERTIPS
 from geometry.lattice import KNOWN, labels_of
-from geometry.materials import Material
+from geometry.materials import USUAL_C
 from geometry.pillar_shapes import SHAPES, in_words
 from pipeline.case import limits
 from pipeline.case.limits import LENGTH_MM, Range, span
-from pipeline.quantity import GPA, KHZ, MM
+from pipeline.quantity import KHZ, MM
 
 ABOVE_0 = "a finite number above 0"
 NOT_NEGATIVE = "a finite number of 0 or more"
@@ -34,11 +34,14 @@ RowLengths = Annotated[list[Extent], Field(min_length=1, max_length=1000)]
 ONE_A_ROW = f"a list of numbers above 0, {span(LENGTH_MM)}, one per row from the zone outwards"
 SIZE_KEYS = tuple(dict.fromkeys(key for shape in SHAPES.values() for key in shape.keys))  # keys of every pillar shape
 MATERIAL_OWNERS = ("", "pillar", "tip")  # tables that may contain a material; "" is the top level of the file
-MATERIAL_ALLOWED = "the name of a material or a table with young_GPa, density_kg_m3 and poisson"
+MATERIAL_ALLOWED = (
+    "the name of a material or a table with density_kg_m3 and young_GPa with poisson, cubic_GPa, orthotropic or C_GPa"
+)
+LAYERS_ALLOWED = "tables [[plate.layer]] of material and thickness_mm, from the touch face to the back"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
 
 Numbers = Iterable[float]  # lists, tuples, arrays
-GivenMaterial = str | dict[str, float]  # a name, or young_GPa, density_kg_m3 and poisson
+GivenMaterial = str | dict[str, Any]  # a name, or density_kg_m3 with the constants of a law
 
 
 class Table(BaseModel):
@@ -61,28 +64,75 @@ def positive(within: Range, **more: Any) -> Any:
     return Field(ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}", **more)
 
 
+def optional(within: Range) -> Any:
+    """Declare an optional number within limits, None if left out."""
+    return positive(within, default=None)
+
+
+def either(within: Range, **more: Any) -> Any:
+    """Declare a number of either sign within limits."""
+    return Field(ge=within[0], le=within[1], description=f"a number, {span(within)}", **more)
+
+
+Modulus = Annotated[float, Field(ge=limits.YOUNG_GPA[0], le=limits.YOUNG_GPA[1])]
+Ratio = Annotated[float, Field(ge=limits.POISSON_RATIO[0], le=limits.POISSON_RATIO[1])]
+Stiffness = Annotated[float, Field(ge=-limits.YOUNG_GPA[1], le=limits.YOUNG_GPA[1])]
+Six = Annotated[list[Stiffness], Field(min_length=6, max_length=6)]
+Angle = Annotated[float, Field(ge=limits.ANGLE_DEG[0], le=limits.ANGLE_DEG[1])]
+NINE = ("E1_GPa", "E2_GPa", "E3_GPa", "nu12", "nu13", "nu23", "G12_GPa", "G13_GPa", "G23_GPa")
+
+
+class CubicTable(Table):
+    C11: Modulus
+    C12: Stiffness
+    C44: Modulus
+
+
+OrthotropicTable: type[Table] = create_model(
+    "OrthotropicTable",
+    __base__=Table,
+    **{key: (Ratio if key.startswith("nu") else Modulus, ...) for key in NINE},  # type: ignore[call-overload]
+)
+
+
 class MaterialTable(Table):
-    young_GPa: float = positive(limits.YOUNG_GPA)
     density_kg_m3: float = positive(limits.DENSITY_KG_M3)
-    poisson: float = Field(
+    young_GPa: float | None = optional(limits.YOUNG_GPA)
+    poisson: float | None = Field(
+        default=None,
         ge=-1.0 + limits.POISSON_MARGIN,
         le=0.5 - limits.POISSON_MARGIN,
         description=f"a number between -1 and 0.5, both excluded and {limits.POISSON_MARGIN:g} away",
     )
+    cubic_GPa: CubicTable | None = Field(default=None, description="a table {C11, C12, C44} in GPa")
+    orthotropic: OrthotropicTable | None = Field(  # type: ignore[valid-type]
+        default=None, description=f"a table {{{', '.join(NINE)}}}, moduli {span(limits.YOUNG_GPA)}"
+    )
+    C_GPa: Annotated[list[Six], Field(min_length=6, max_length=6)] | None = Field(
+        default=None, description="six rows of six numbers in GPa, over xx, yy, zz, yz, xz, xy"
+    )
+    axes_deg: Annotated[list[Angle], Field(min_length=3, max_length=3)] | None = Field(
+        default=None,
+        description="three angles [phi, theta, psi] about z, the new x and the new z, "
+        f"each {span(limits.ANGLE_DEG)} degrees",
+    )
+    loss_factor: float | None = Field(
+        default=None,
+        ge=limits.LOSS_FACTOR[0],
+        le=limits.LOSS_FACTOR[1],
+        description=f"{NOT_NEGATIVE}, {span(limits.LOSS_FACTOR)}",
+    )
+    dE_dT_per_K: float | None = either(limits.PER_KELVIN, default=None)
+    expansion_per_K: float | None = either(limits.EXPANSION_PER_K, default=None)
 
-    @property
-    def material(self) -> Material:
-        """Return the material with these constants, in SI."""
-        return Material.isotropic("given", GPA * self.young_GPa, float(self.density_kg_m3), float(self.poisson))
+
+class LayerTable(Table):
+    thickness_mm: float = positive(LENGTH_MM)
 
 
 class PlateTable(Table):
     thickness_mm: float = positive(LENGTH_MM)
-
-
-def optional(within: Range) -> Any:
-    """Declare an optional number within limits, None if left out."""
-    return positive(within, default=None)
+    layer: None = Field(default=None, description=LAYERS_ALLOWED)  # read one by one, as their materials are
 
 
 def whole(low: int, high: int, **more: Any) -> Any:
@@ -144,6 +194,7 @@ class SolveTable(Table):
     )
     model: Literal["auto", "analytic", "superelement", "solid"] = "auto"
     mesh: Literal["auto", "hex", "tet"] = "auto"
+    temperature_C: float = either(limits.TEMPERATURE_C, default=USUAL_C)
 
     @property
     def band_hz(self) -> tuple[float, float] | None:
@@ -383,7 +434,7 @@ class Array(TypedDict, total=False):
 
 
 class Solve(TypedDict, total=False):
-    """Requested modes and accuracy: band_kHz, or near_kHz with count; accuracy (relative), model, mesh.
+    """Requested modes and accuracy: band_kHz, or near_kHz with count; accuracy (relative), model, mesh, temperature_C.
 
     >>> from antinode import Solve
     >>> Solve(band_kHz=(30.0, 34.0), accuracy=0.003)["band_kHz"]
@@ -396,6 +447,7 @@ class Solve(TypedDict, total=False):
     accuracy: float
     model: Literal["auto", "analytic", "superelement", "solid"]
     mesh: Literal["auto", "hex", "tet"]
+    temperature_C: float
 
 
 class BandPath(TypedDict, total=False):
@@ -512,6 +564,11 @@ def json_schema() -> dict[str, Any]:
     material = {"anyOf": [{"type": "string"}, of[MaterialTable]], "description": MATERIAL_ALLOWED}
     tables: dict[str, Any] = {name: of[model] for name, model in TABLES.items()}
     tables["zone"] = {"anyOf": [tables["zone"], {"type": "array", "items": {"type": "object"}}]}
+    layer = {"type": "object", "properties": {"material": material, "thickness_mm": {"type": "number"}}}
+    root["$defs"]["PlateTable"]["properties"]["layer"] = {
+        "type": "array", "items": layer | {"required": ["material", "thickness_mm"]}, "description": LAYERS_ALLOWED
+    }  # fmt: skip
+    root["$defs"]["PlateTable"]["required"] = []
     for owner in filter(None, MATERIAL_OWNERS):
         root["$defs"][TABLES[owner].__name__]["properties"]["material"] = material
     top = {"name": {"type": "string", "description": NAME_ALLOWED}, "material": material}
@@ -522,7 +579,10 @@ def json_schema() -> dict[str, Any]:
 def known_keys() -> list[str]:
     """Return every dotted key of a case file, such as pillar.side_mm."""
     owners = [f"{owner}.material".lstrip(".") for owner in MATERIAL_OWNERS]
-    keys = ["name", *owners, *(f"{owner}.{key}" for owner in owners for key in MaterialTable.model_fields)]
+    constants = [*MaterialTable.model_fields]
+    constants += [f"cubic_GPa.{key}" for key in CubicTable.model_fields] + [f"orthotropic.{key}" for key in NINE]
+    keys = ["name", *owners, *(f"{owner}.{key}" for owner in owners for key in constants)]
+    keys += ["plate.layer.0.thickness_mm", "plate.layer.0.material"]
     keys += [f"touch.impedance.{key}" for key in FingertipTable.model_fields]
     keys += [f"{table}.{key}" for table, model in TABLES.items() for key in model.model_fields]
     return sorted(set(keys))

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware.mode_table import MAX_BYTES, VERSION, TableError, describe, from_bytes
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, law_of
 from pipeline import paths
 from pipeline.batch import study_file
 from pipeline.case.reading import nearest
@@ -128,10 +128,12 @@ def _listed(
 
 
 def materials(arguments: Namespace) -> int:
-    """List the isotropic materials with their constants and sources."""
-    head = ("name", "young_GPa", "density_kg_m3", "poisson", "source")
-    known = [(m, m.as_isotropic) for m in MATERIALS.values()]
-    rows = [[m.name, own.young_pa / GPA, m.density_kg_m3, own.poisson, m.source] for m, own in known]
+    """List the materials with their law, their constants (of an anisotropic law those of its average), loss and source."""
+    head = ("name", "young_GPa", "density_kg_m3", "poisson", "law", "loss_factor", "source")
+    rows = [
+        [m.name, m.average.young_pa / GPA, m.density_kg_m3, m.average.poisson, law_of(m.name), m.loss_factor, m.source]
+        for m in MATERIALS.values()
+    ]
     return _listed(arguments, "materials", head, rows)
 
 

@@ -23,6 +23,7 @@ from geometry.mesh import Mesh, check_mesh, split_hexahedra
 from geometry.tet import scenes
 from pipeline import quantity
 from pipeline.case.model import Case
+from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.planning import mesh_rules
@@ -145,6 +146,7 @@ def modes_below(case: Case, part: str, frequencies_hz: Sequence[float], log: Log
 
 def aster(case: Case, part: str, output: Path, log: Log) -> list[Path]:
     """Write NAME.med, NAME.comm, NAME.export and NAME_README.txt; `output` gives folder and name."""
+    _check_axes(case)
     part_mesh = exchange(case, part, log)
     med, comm, export, note = aster_files(output)
     stem = med.with_suffix("")
@@ -156,6 +158,14 @@ def aster(case: Case, part: str, output: Path, log: Log) -> list[Path]:
     write_file(note, _note(part_mesh, stem.name).encode())
     log.info(f"run it with: run_aster {export.name}")
     return [med, comm, export, note]
+
+
+def _check_axes(case: Case) -> None:
+    """Raise InputError for a law that ELAS_ORTH cannot hold: it has nine constants, along x, y and z."""
+    for region, material in region_materials(case.design.stack, case.design.pillar).items():
+        if not {"x", "y"} <= {*material.mirrors}:
+            what = "Code_Aster's ELAS_ORTH takes axes along x, y and z: leave out axes_deg, or export calculix"
+            raise InputError(f"{case.source or case.name}: material of {region}: {what}")
 
 
 def aster_files(output: Path) -> list[Path]:
@@ -192,7 +202,19 @@ def commands(part_mesh: Exchange, bounds: tuple[float, ...]) -> str:
         "mesh_name": mesh_name(part_mesh),
         "clamp": CLAMP,
     }
-    return rendered("aster.comm.j2", part=part_mesh, bounds=bounds, **about)
+    axes = [name for name, material in part_mesh.materials.items() if not material.constants]
+    return rendered("aster.comm.j2", part=part_mesh, bounds=bounds, axes=axes, orthotropic=_orthotropic, **about)
+
+
+def _orthotropic(material: Material) -> dict[str, float]:
+    """Return the nine constants of ELAS_ORTH: L, T, N along x, y, z, NU_LT = -e_T / e_L under a stress along L alone."""
+    s = np.linalg.inv(np.array(material.stiffness_pa))
+    names, pairs = ("L", "T", "N"), (("LT", 0, 1, 5), ("LN", 0, 2, 4), ("TN", 1, 2, 3))
+    return (
+        {f"E_{name}": float(1.0 / s[axis, axis]) for axis, name in enumerate(names)}
+        | {f"NU_{pair}": float(-s[i, j] / s[i, i]) + 0.0 for pair, i, j, _ in pairs}
+        | {f"G_{pair}": float(1.0 / s[place, place]) for pair, _, _, place in pairs}
+    )
 
 
 def export_file(name: str) -> str:
@@ -228,8 +250,16 @@ def input_deck(part_mesh: Exchange, count: int) -> str:
     for name, places in part_mesh.faces.items():
         _set(out, f"*NSET, NSET={name}", part_mesh.nodes_of(name) + 1)
         _surface(out, part_mesh, name, places)
-    out.write(rendered("calculix_materials.inp.j2", part=part_mesh, clamp=CLAMP, count=count))
+    words = {"clamp": CLAMP, "count": count, "constants_of": _constants}
+    out.write(rendered("calculix_materials.inp.j2", part=part_mesh, **words))
     return out.getvalue()
+
+
+def _constants(material: Material) -> list[str]:
+    """Return the 21 constants of *ELASTIC, TYPE=ANISO, eight a line: the upper triangle over 11, 22, 33, 12, 13, 23."""
+    c, order = material.stiffness_pa, (0, 1, 2, 5, 4, 3)
+    values = [f"{c[order[row]][place]:.12g}" for column, place in enumerate(order) for row in range(column + 1)]
+    return [", ".join(values[start : start + 8]) for start in range(0, len(values), 8)]
 
 
 def _is_coarse(part_mesh: Exchange, case: Case) -> bool:

@@ -21,7 +21,6 @@ from pipeline.planning.model_choice import ModelChoice
 from pipeline.quantity import frequency, with_bar
 from pipeline.records.record import MeshRecord
 from solvers.plates.column import level_bars
-from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Periodic, ReducedLattice
 from solvers.threads import one_thread
 from solvers.waves.branches import label_of
@@ -65,13 +64,16 @@ def solve(
     )
     meshes += own
     row, coarser, bare = Row(cells.row, kx), Row(cells.coarser, kx), _kept(KeptRow(cells.bare, kx))
+    passed = rows if "y" in case.design.stack.mirrors else 0  # both half-plates are taken for mirror images
+    if rows > passed:
+        log.left_out("power through the rows", "the plate's material is not its own mirror image across them")
     with log.step(f"{points} frequencies"):
-        samples = [_point(row, coarser, bare, rows, float(f)) for f in np.linspace(low, high, points)]
+        samples = [_point(row, coarser, bare, passed, float(f)) for f in np.linspace(low, high, points)]
     expected = refinement.log_mesh_error(choice, case, log, cells.mesh_error)
     with log.step("error bars of the decay"):
         error = None if expected is None else expected + cells.reduction_error
-        samples = _with_taken(row, bare, rows, _with_bars(row, coarser, samples, error), error)
-    _log_converted(samples, kx, lambda tone: _through(row.waves(tone).stiffness, bare, rows, tone), error, log)
+        samples = _with_taken(row, bare, passed, _with_bars(row, coarser, samples, error), error)
+    _log_converted(samples, kx, lambda tone: _through(row.waves(tone).stiffness, bare, passed, tone), error, log)
     return {
         "model": cells.name,
         "kx_per_m": kx,
@@ -120,7 +122,7 @@ def _staggered(case: Case, choice: ModelChoice, log: Log, high_hz: float) -> _Ce
 def _coarser(row: Periodic) -> Periodic:
     """Row with boundary functions of one degree less along its sides."""
     face = row.cells[0].interface
-    lower = Interface(max(face.along - 1, 1), face.through)
+    lower = replace(face, along=max(face.along - 1, 1))
     return Periodic([ReducedLattice(cell).up_to(lower, cell.dropped_hz).cell for cell in row.cells], row.shift)
 
 

@@ -109,6 +109,8 @@ def checked(case: Case) -> Design:
         said.append("array.rows = 0: must be 1 or more, a bare plate stops no waves")
     if case.solve.model not in ("auto", "superelement"):
         said.append(f"solve.model = {case.solve.model!r}: must be auto or superelement for broadband")
+    if not design.is_mirrored:
+        said.append("broadband needs a plate that is its own mirror image along x and y: turn the material's axes back")
     if not hexahedra(case, "plate"):
         said.append(
             "broadband needs pillars that hexahedra can follow, with room around their feet, and solve.mesh auto or hex"

@@ -238,6 +238,8 @@ def require_box(case: Case, box: DesignBox | None = None) -> DesignBox:
         said.append(
             f"{case.name}: array.pitch_y_mm must lie between {least:g} and {most:g} times pitch_x_mm for explore"
         )
+    if not design.stack.is_uniform or (design.pillar and design.pillar.material.constants is None):
+        said.append(f"{case.name}: explore holds for a plate of one isotropic layer with isotropic pillars")
     if foot is None or said:
         raise InputError(said)
     case.require_one_kind("explore is")

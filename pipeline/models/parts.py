@@ -94,10 +94,10 @@ def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -
             mesh = scenes.tet_part(design, part, choice.edge_m, choice.quarter)
     else:
         assert choice.hexahedra
-        mesh = hex_mesh(part_boxes(design, part, choice.hexahedra), choice.hexahedra.order)
+        mesh = hex_mesh(part_boxes(design, part, choice.hexahedra, choice.quarter), choice.hexahedra.order)
     meshes.append(mesh_record(part, mesh))
     warn_of_locking(design, mesh, log)
-    clamped = ("foot",) if choice.edge_m and part == "pillar" else CLAMPED[part]
+    clamped = ("foot",) if choice.edge_m and part == "pillar" else clamped_faces(part, choice.quarter)
     materials = region_materials(design.stack, design.pillar)
     return SolidModel(mesh, materials, clamped, choice.quarter, design.touch_lines_m)
 
@@ -114,7 +114,12 @@ def warn_of_locking(design: Design, mesh: AnyMesh, log: Log) -> None:
         log.warning("ORDER_1", "elements of order 1 are far too stiff in bending: use them for comparison only")
 
 
-CLAMPED = {"zone": ("y+",), "pillar": ("touch",), "plate": ()}  # faces of boxes
+CLAMPED = {"zone": ("y+",), "pillar": ("touch",), "plate": ()}  # faces of boxes, of a quarter
+
+
+def clamped_faces(part: str, quarter: bool) -> tuple[str, ...]:
+    """Clamped faces of a part meshed by boxes: of a whole zone both long sides."""
+    return ("y-", "y+") if part == "zone" and not quarter else CLAMPED[part]
 
 
 def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> MeshErrorSource | None:
@@ -128,11 +133,12 @@ def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> Mesh
         return None
     if choice.edge_m or fine is None:
         return StressRecovery(model.mesh, materials, model.scale, bool(CLAMPED[choice.part]))
-    boxes, layers = part_boxes(design, choice.part, fine), fine.layers
+    boxes, layers = part_boxes(design, choice.part, fine, choice.quarter), fine.layers
 
     def nested(settings: HexSettings) -> Nested[SolidModel]:
-        own = part_boxes(design, choice.part, settings)
-        model = SolidModel(hex_mesh(own, settings.order), materials, CLAMPED[choice.part], choice.quarter)
+        own = part_boxes(design, choice.part, settings, choice.quarter)
+        held = clamped_faces(choice.part, choice.quarter)
+        model = SolidModel(hex_mesh(own, settings.order), materials, held, choice.quarter)
         return Nested(model, interpolation(own, boxes, fine.order, settings.order))
 
     order = nested(replace(fine, order=fine.order - 1))

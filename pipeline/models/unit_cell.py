@@ -171,9 +171,8 @@ class _Pilot:
 
     def __init__(self, design: Design, count: int) -> None:
         self.design, self.count = design, count
-        self.is_thick = design.thickness_m >= THICK * max(design.pitch_x_m, design.pitch_y_m) or mesh_rules.is_tight(
-            design
-        )
+        thick = design.thickness_m >= THICK * max(design.pitch_x_m, design.pitch_y_m)
+        self.is_thick = thick or mesh_rules.is_tight(design) or not design.stack.is_uniform
         self._whole: ReducedLattice | None = None
         self._top_hz = 0.0
 
@@ -181,7 +180,7 @@ class _Pilot:
         """Return the coarse cell reduced with these settings."""
         if self._whole is None or not self._holds(self._whole.cell.interface, reduction):
             face = reduction.interface
-            ample = Interface(face.along + 1, face.through + self.is_thick)
+            ample = replace(face, along=face.along + 1, through=face.through + self.is_thick)
             self._top_hz = reduction.top_hz
             self._whole = self._reduced(replace(reduction, interface=ample))
         return self._whole.up_to(reduction.interface, reduction.top_hz)
@@ -237,7 +236,7 @@ def _thick_enough(
     error, face = 0.0, reduction.interface
     with log.step("choose the degree through the thickness on a coarse cell"):
         for through in range(face.through, MAX_THROUGH + 1):
-            trial = replace(reduction, interface=Interface(face.along, through + 1))
+            trial = replace(reduction, interface=replace(face, through=through + 1))
             error = last_degree_through(pilot.lattice(trial), corners, count)
             if error <= allowed or through == MAX_THROUGH:
                 break
@@ -246,7 +245,7 @@ def _thick_enough(
     log.info(
         f"degree through the thickness: {through} instead of {face.through}; higher ones would change {percent(error)}"
     )
-    finer = replace(reduction, interface=Interface(face.along, through))
+    finer = replace(reduction, interface=replace(face, through=through))
     return replace(finer, hexahedra=mesh_rules.with_nodes_for(finer.interface, finer.hexahedra)), error
 
 
@@ -374,7 +373,8 @@ class WholeCell:
             change(self.layer) if self.layer else order
         )  # the error at singular edges; a bare cell's shares ignore it
         none, taken = np.zeros(count), self.shares.correction * layer
-        best, half = tones[::copies] / (1.0 + taken), self.shares.half_width(layer, order)
+        best = tones[::copies] / (1.0 + taken)
+        half = self.shares.half_width(*(largest_of_alike(tones[::copies], each) for each in (layer, order)))
         lowest = np.argsort(best, kind="stable")[:count]
         return best[lowest], ModeErrors(none, none, none, taken[lowest], half[lowest])
 
@@ -394,6 +394,23 @@ class WholeCell:
         coarse, _ = nested.body.pencil(wavevector)
         prolonged = self.own.prolonged(nested.body, nested.transfer, wavevector)
         return (prolonged_eigenvalues(pencil, coarse, prolonged, vectors, values) / values - 1.0) / 2.0
+
+
+def largest_of_alike(tones: FloatArray, risen: FloatArray) -> FloatArray:
+    """Give waves that a coarser mesh may exchange the largest rise among them, (k,): tones ascend.
+
+    Two waves at one frequency are any two of their span: which of them a coarser mesh's belongs to is a matter of rounding.
+    """
+    out, first = risen.copy(), 0
+    for last in range(1, len(tones) + 1):
+        group = slice(first, last)
+        if last < len(tones):
+            apart = tones[last] - tones[last - 1]
+            if apart <= max(risen[group].max(), risen[last]) * tones[last]:
+                continue
+        out[group] = risen[group].max()
+        first = last
+    return out
 
 
 def _mesh(design: Design, settings: HexSettings) -> Mesh:

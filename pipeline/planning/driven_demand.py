@@ -227,8 +227,8 @@ class _Patches:
         return max((self._beneath(box) for box in self.boxes), key=lambda cost: cost.peak.bytes, default=Cost())
 
     def _beneath(self, box: FloatArray) -> Cost:
-        tiling, thickness_m = self.own.tiling, self.case.design.thickness_m
-        spans = zip((tiling.x, tiling.y), self._panels(box, thickness_m), strict=True)
+        tiling, stack = self.own.tiling, self.case.design.stack
+        spans = zip((tiling.x, tiling.y), self._panels(box, stack.thickness_m), strict=True)
         span = np.array([lines[at] for lines, (first, last) in spans for at in (first, last + 1)])
         middle = np.repeat(span.reshape(2, 2).mean(axis=1), 2)
         span, box = span - middle, box - middle
@@ -237,7 +237,7 @@ class _Patches:
         assert self.case.patches
         settings, face = self._meshes[0], _face(box, self._meshes[0])
         back = self.case.patches.face == "back"
-        mesh = resource_estimate.of_boxes(bonded_scene(span, thickness_m, (), box, back, settings), settings.order)
+        mesh = resource_estimate.of_boxes(bonded_scene(span, stack, (), box, back, settings), settings.order)
         answers = Stage("solving beneath a patch", 8.0 * (2.0 * FORCES * mesh.dofs + 4.0 * face**2))
         solve = factorisation(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, 1.0)
         solve = solve.then(

@@ -15,6 +15,7 @@ from geometry.layout import Design
 from solvers.accuracy import calibration
 from solvers.accuracy.calibration import MeshLevel
 from solvers.analytic.beams import roots
+from solvers.analytic.layered import sheared
 from solvers.analytic.plates import MAX_LINES, Strip, levy_hz, mindlin_mode, thin_plate_hz
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
 from solvers.superelement.interface import Interface, ReductionSettings
@@ -32,6 +33,7 @@ REACH = 9.0  # cut-off of a plate's fixed-interface modes over the highest frequ
 SHORT_REACH = 4.0  # this factor above the first thickness-shear resonance, where waves are short in every direction
 # degree through the thickness: least, greatest, and the further degrees that estimate the error of omitting them
 THROUGH, MAX_THROUGH, FURTHER = 3, 8, 2
+LAYERED = 1  # further degree of a plate of several layers, whose own degree is always in doubt
 # of the first thickness-shear resonance: below it, further degrees matter less than a tenth as much as the discarded
 # fixed-interface modes
 THIN_TO = 0.25
@@ -218,8 +220,8 @@ def is_tight(design: Design) -> bool:
 
 
 def shear_cutoff_hz(design: Design) -> float:
-    """First thickness-shear resonance c_t / (2 h), Hz, above which plate theory does not hold."""
-    return design.stack.mean.shear_m_s / (2.0 * design.thickness_m)
+    """First thickness-shear resonance, Hz, above which plate theory does not hold: c_t / (2 h) of one layer."""
+    return design.stack.shear_cutoff_hz
 
 
 def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> ReductionSettings:
@@ -233,7 +235,8 @@ def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> 
     tight = design.stagger and is_tight(design)  # cells in line try further degrees on a coarse mesh
     along = 4 if longest <= 2.5 * design.thickness_m and not tight else 6
     mesh = cell_mesh(design, cell_level(accuracy))
-    reduction = ReductionSettings(Interface(along, THROUGH), top, mesh, further=FURTHER if tight else 0)
+    face = Interface(along, _least_through(design), design.stack.joints)
+    reduction = ReductionSettings(face, top, mesh, further=FURTHER if tight else 0)
     return replace(reduction, hexahedra=with_nodes_for(reduction.ample, mesh))
 
 
@@ -247,8 +250,9 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
     share = longest / design.line_spacing_m
     limits = next(each for least, each in ALONG.items() if accuracy >= least)
     along = next((degree for degree, limit in limits.items() if share <= limit), 6)
-    face = Interface(along, degree_through(design, accuracy, high_hz))
-    further = FURTHER if high_hz >= THIN_TO * shear_cutoff_hz(design) or is_tight(design) else 0
+    face = Interface(along, degree_through(design, accuracy, high_hz), design.stack.joints)
+    thick = high_hz >= THIN_TO * shear_cutoff_hz(design) or is_tight(design)
+    further = LAYERED if face.joints else FURTHER if thick else 0
     mesh = cell_mesh(design, cell_level(accuracy))
     wave_m = design.stack.mean.shear_m_s / high_hz if high_hz > 0.0 else inf
     longest = min(3.0 * design.thickness_m, wave_m)
@@ -274,8 +278,16 @@ def _finer(accuracy: float) -> float:
 
 def degree_through(design: Design, accuracy: float, high_hz: float) -> int:
     """Degree through the thickness that resolves a shear wave across it at a frequency, Hz; each solve's estimate checks it."""
-    phase = pi / 2.0 * high_hz / shear_cutoff_hz(design)
-    return degree_of(phase, accuracy / SEEN, THROUGH, MAX_THROUGH)
+    if design.layers:
+        phase = pi * high_hz * max(layer.thickness_m / layer.material.shear_m_s for layer in design.layers)
+    else:
+        phase = pi / 2.0 * high_hz / shear_cutoff_hz(design)
+    return degree_of(phase, accuracy / SEEN, _least_through(design), MAX_THROUGH)
+
+
+def _least_through(design: Design) -> int:
+    """Least degree through the thickness: of each layer, if there are several, one less."""
+    return THROUGH - 1 if design.layers else THROUGH
 
 
 def degree_along(design: Design, accuracy: float, high_hz: float, least: int) -> int:
@@ -356,10 +368,12 @@ def _clamped_hz(strip: Strip, lines: int) -> float:
 
 
 def _target_hz(design: Design) -> float:
-    """Exact thin-plate frequency of the zone, Hz."""
+    """Exact thin-plate frequency of the zone, Hz; of several layers with the shear of the wave that it is made of."""
     strip = _strip(design)
-    pinned = design.nodal_lines < 2  # a rigid shape along x: cylindrical bending across the zone
-    return thin_plate_hz(strip, 0.0, strip.across_per_m) if pinned else levy_hz(strip, design.nodal_lines)
+    if design.nodal_lines < 2:  # a rigid shape along x: cylindrical bending across the zone
+        return thin_plate_hz(strip, 0.0, strip.across_per_m) * sheared(strip, 0.0, strip.across_per_m)
+    along = pi / (design.half_wavelength_m or inf)
+    return levy_hz(strip, design.nodal_lines) * sheared(strip, along, strip.across_per_m)
 
 
 def _strip(design: Design) -> Strip:

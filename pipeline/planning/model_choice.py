@@ -278,7 +278,9 @@ def with_defaults(case: Case, request: Request) -> Request:
         return replace(query, near_hz=0.0)
     if query.part == "pillar":
         return replace(query, near_hz=0.0, count=4)
-    target = case.target_symmetry if query.part == "plate" else target_symmetry(case.design.nodal_lines)
+    whole = query.part == "zone" and not {"x", "y"} <= {*case.design.stack.mirrors}
+    plate = query.part == "plate" or whole
+    target = case.target_symmetry if plate else target_symmetry(case.design.nodal_lines)
     return replace(query, band_hz=mesh_rules.target_window_hz(case.design), symmetry=query.symmetry or target)
 
 

@@ -24,7 +24,7 @@ from pipeline.quantity import frequency, percent
 from solvers.accuracy.calibration import TET
 from solvers.accuracy.reduction import MARGIN
 from solvers.errors import SolverError
-from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.interface import ReductionSettings
 
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
 # of the required cut-off: cells made for a cut-off this much lower still serve; their own estimate checks it
@@ -47,13 +47,13 @@ def more_modes(reduction: ReductionSettings, error: float, target: float, most: 
 def higher_degree(reduction: ReductionSettings) -> ReductionSettings:
     """Raise the degree of the boundary functions along the sides by one."""
     face = reduction.interface
-    return replace(reduction, interface=Interface(face.along + 1, face.through))
+    return replace(reduction, interface=replace(face, along=face.along + 1))
 
 
 def higher_through(reduction: ReductionSettings) -> ReductionSettings:
     """Raise the degree of the boundary functions through the thickness by one, and the nodes that it needs."""
     face = reduction.interface
-    finer = replace(reduction, interface=Interface(face.along, face.through + 1), further=mesh_rules.FURTHER)
+    finer = replace(reduction, interface=replace(face, through=face.through + 1), further=mesh_rules.FURTHER)
     return replace(finer, hexahedra=mesh_rules.with_nodes_for(finer.ample, finer.hexahedra))
 
 

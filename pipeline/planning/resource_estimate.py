@@ -208,9 +208,9 @@ def whole_mesh(case: Case, choice: ModelChoice) -> MeshCounts:
             choice.edge_m,
         )
     assert choice.hexahedra
-    if choice.part == "plate" and pillar_count(design) > MAX_LINES:
+    if choice.part == "plate" and choice.quarter and pillar_count(design) > MAX_LINES:
         return _many_pillars(design, choice.hexahedra)
-    return of_boxes(part_scene(design, choice.part, choice.hexahedra), choice.hexahedra.order)
+    return of_boxes(part_scene(design, choice.part, choice.hexahedra, choice.quarter), choice.hexahedra.order)
 
 
 def _many_pillars(design: Design, settings: HexSettings) -> MeshCounts:
@@ -360,7 +360,7 @@ def _panel_kinds(design: Design, reduction: ReductionSettings, choice: ModelChoi
     settings = reduction.hexahedra
     bare = Panel((-bare_m[0] / 2.0, -bare_m[1] / 2.0), (bare_m[0] / 2.0, bare_m[1] / 2.0), None, (0, 1))
     mesh = of_boxes(
-        panel_scene(bare, design.thickness_m, None, replace(settings, size_m=reduction.bare_size_m or settings.size_m)),
+        panel_scene(bare, design.stack, None, replace(settings, size_m=reduction.bare_size_m or settings.size_m)),
         settings.order,
     )
     kinds: list[Kind] = [(mesh, fixed_modes(design, reduction, False, bare_m, mesh), 4)]
@@ -394,12 +394,12 @@ def _of_hexahedra(design: Design, panel: Panel, reduction: ReductionSettings) ->
     """Counts of a panel with its pillar; those of a square foot are scaled for a curved one."""
     pillar, settings = design.pillar, reduction.hexahedra
     alike = square_of(pillar) if pillar else None
-    mesh = of_boxes(panel_scene(panel, design.thickness_m, alike, settings), settings.order)
+    mesh = of_boxes(panel_scene(panel, design.stack, alike, settings), settings.order)
     if pillar is None or pillar.form.plan != "disc":
         return mesh
     own = CURVED
     if CURVED * mesh.elements < MESHED:
-        own = len(panel_mesh(panel, design.thickness_m, pillar, settings).mesh.nodes) / mesh.nodes
+        own = len(panel_mesh(panel, design.stack, pillar, settings).mesh.nodes) / mesh.nodes
     fill = Fill(*(own ** (4.0 / 3.0) * part for part in astuple(mesh.fill)))
     return MeshCounts(own * mesh.elements, mesh.corners, own * mesh.nodes, own * mesh.pairs, fill)
 
@@ -477,7 +477,7 @@ def _advised(case: Case, choice: ModelChoice) -> ModelChoice:
         return choice
     end_hz = coarse_cell(design, case.bands.count).bands_end_hz(MOST_ENDS * reduction.top_hz)
     along = mesh_rules.degree_along(design, accuracy, end_hz, reduction.interface.along)
-    face = Interface(along, reduction.interface.through)
+    face = replace(reduction.interface, along=along)
     return replace(choice, reduction=replace(reduction, interface=face, top_hz=CUTOFF * accuracy**-0.25 * end_hz))
 
 

@@ -97,12 +97,14 @@ def mirror_images(design: Design, part: str, scattered: bool = False) -> Simplif
     """Solve a quarter of a part that is its own mirror image along x and y; not with scattered pillars or asymmetric
     ones.
     """
-    allowed = not scattered and (part == "zone" or _own_image(design, part))
+    allowed = not scattered and _own_image(design, part)
     what = f"three quarters of the {part}"
     return Simplification("mirror_images", what, "it is its own mirror image along x and y") if allowed else None
 
 
 def _own_image(design: Design, part: str) -> bool:
+    if part == "zone":
+        return {"x", "y"} <= {*design.stack.mirrors}
     if part == "plate":
         return design.is_mirrored
     return design.pillar is None or design.pillar.is_symmetric

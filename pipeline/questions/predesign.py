@@ -29,13 +29,17 @@ class ZoneSizes(Part):
     """The zone's mode (0, N); the last three frequencies are None beyond 40 nodal lines."""
 
     nodal_lines: int = column("nodal lines along x of the mode")
-    frequency_hz: float = column("exact thin plate with pinned sides (Levy)", "Hz")
+    frequency_hz: float = column("exact thin plate with pinned sides (Levy), of several layers with their shear", "Hz")
     half_wavelength_mm: float | None = column("half-wavelength along the zone", "mm")
     formula_hz: float = column("free-free beam function between pinned sides", "Hz")
     node_spacing_mm: float | None = column("distance between two nodal lines at the centre of the zone", "mm")
-    pinned_hz: float | None = column("plate with shear (Mindlin) and pinned sides", "Hz")
+    pinned_hz: float | None = column(
+        "plate with shear (Mindlin; of several layers their own waves') and pinned sides", "Hz"
+    )
     thin_clamped_hz: float | None = column("thin plate (Kirchhoff) with clamped sides", "Hz")
-    clamped_hz: float | None = column("plate with shear (Mindlin) and clamped sides", "Hz")
+    clamped_hz: float | None = column(
+        "plate with shear (Mindlin; of several layers their own waves') and clamped sides", "Hz"
+    )
     expected_error: dict[str, float | None] = column(EXPECTED, default_factory=dict)
 
 
@@ -115,7 +119,7 @@ class PredesignResult(Result, axes=("part", "quantity")):
         """Yield the case's pillar compared with the zone."""
         if not self.zone or not self.pillar:
             return
-        target, given = self.zone.frequency_hz, self.pillar.given_timoshenko_hz
+        target, given = self.pillar.frequency_hz, self.pillar.given_timoshenko_hz
         known = self.pillar.expected_error.get("given_timoshenko_hz")
         off = given / target - 1.0
         apart = f"{percentage(abs(off), known)} {'above' if off > 0.0 else 'below'} the zone's {frequency(target)}"
@@ -181,10 +185,10 @@ def expected_errors(part: str, design: Design) -> dict[str, float]:
 
     slender = design.nodal_lines * design.thickness_m / design.length_m
     if part == "pillar":
-        if not design.pillar or not design.pillar.is_square_prism:
+        if not design.pillar or not design.pillar.is_square_prism or design.pillar.material.constants is None:
             return {}
         slender = design.pillar.base_m / design.pillar.height_m
-    elif design.nodal_lines < 2:
+    elif design.nodal_lines < 2 or not design.stack.is_uniform:
         return {}
     errors = {name: calibration.by_theory(part, theory, slender) for name, theory in THEORIES[part].items()}
     return {name: error for name, error in errors.items() if error is not None}

@@ -4,6 +4,10 @@ In the plane normal to the edge each wedge has Airy's function r^(a+1) F, F = A 
 D sin(a-1)t, and along the edge the displacement r^a (E cos at + G sin at). Faces are free or clamped, neighbours bonded:
 an exponent a is where the conditions' matrix is singular. The energy's error of elements of size h at the edge goes as
 h^(2 Re a).
+
+Of any other law, u = r^a g(t) and the traction r^(a-1) s(t) on the ray t obey g' = A s - a A mn g and
+s' = -a nm A s - a^2 (nn - nm A mn) g, where A = mm^-1, (uv)_ik = u_j C_ijkl v_l, n is the ray and m its normal
+(barnett1973). Both pass a bonded face unchanged: the product of the wedges' transfer matrices has the conditions.
 """
 
 from __future__ import annotations
@@ -14,6 +18,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +29,9 @@ REAL = np.linspace(0.02, 0.98, 65)
 IMAGINARY = np.linspace(0.0, 0.6, 16)
 RESIDUAL = 1e-9  # smallest over largest singular value of the scaled matrix at an exponent
 POINTS, STRETCH = 200, 8.0  # of the quadrature over r
+STEPS = 32  # over a wedge's angle: Runge and Kutta's error is then below 1e-6
+THINNED, BESIDE = 3, 0.03  # of the starting points where conditions are dear, and a second start for roots side by side
+TRIPLE = 1e-4  # where three roots may be one, as at a crack, which rounding leaves apart by its cube root
 FREE, CLAMPED = "free", "clamped"
 Conditions = Callable[[ComplexArray], ComplexArray]
 
@@ -39,6 +47,8 @@ class Wedge:
 @lru_cache(maxsize=256)
 def edge_exponent(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FREE)) -> float:
     """Compute the exponent of the singularity at an edge: the smallest real part in (0, 1), or 1 where nothing is singular.
+
+    Where a law is not isotropic, it is the smallest over the edges along x and y, for the edge's place is not known here.
 
     Parameters
     ----------
@@ -56,6 +66,8 @@ def edge_exponent(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FRE
     ----------
     .. [1] williams1952 (docs/references.bib)
     """
+    if any(wedge.material.constants is None for wedge in wedges):
+        return min(_lowest(_transferred(each, faces), THINNED) for each in _turned(wedges, CLAMPED in faces))
     return min(_lowest(lambda a: _in_plane(a, wedges, faces)), antiplane_exponent(wedges, faces))
 
 
@@ -96,6 +108,8 @@ def clamped_edge_exponent(material: Material) -> float:
 @lru_cache(maxsize=256)
 def antiplane_exponent(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FREE)) -> float:
     """Compute the smallest exponent in (0, 1) of displacements along the edge, or 1 where none is singular.
+
+    Of a law that is not isotropic, whose displacements along the edge are not apart, that of its average.
 
     Parameters
     ----------
@@ -166,20 +180,22 @@ def _best_polynomial(exponent: float, order: int, start: float) -> float:
     return float(residual @ residual)
 
 
-def _lowest(conditions: Conditions) -> float:
+def _lowest(conditions: Conditions, thinned: int = 1) -> float:
     """Smallest real part of the exponents in (0, 1), from a grid of starting points; 1 without one."""
 
     def determinant(a: complex) -> complex:
         return complex(np.linalg.det(conditions(np.array(a))))
 
     def holds(root: complex) -> bool:
-        return REAL[0] < root.real < REAL[-1] and float(_flatness(conditions(np.array(root)))) < RESIDUAL
+        residual = RESIDUAL if thinned == 1 else TRIPLE
+        return REAL[0] < root.real < REAL[-1] and float(_flatness(conditions(np.array(root)))) < residual
 
-    exponents = [1.0]
-    for i, j in _minima(_flatness(conditions(REAL[:, None] + 1j * IMAGINARY))):
-        with suppress(ZeroDivisionError, OverflowError, np.linalg.LinAlgError):
-            root = _secant(determinant, complex(REAL[i], IMAGINARY[j]))
-            exponents += [root.real] if holds(root) else []
+    exponents, real, imaginary = [1.0], REAL[::thinned], IMAGINARY[::thinned]
+    for i, j in _minima(_flatness(conditions(real[:, None] + 1j * imaginary))):
+        for place in (real[i], real[i] - BESIDE) if thinned > 1 else (real[i],):
+            with suppress(ZeroDivisionError, OverflowError, np.linalg.LinAlgError):
+                root = _secant(determinant, complex(place, imaginary[j]))
+                exponents += [root.real] if holds(root) else []
     return min(exponents)
 
 
@@ -230,14 +246,89 @@ def _in_plane(a: ComplexArray, wedges: Sequence[Wedge], faces: tuple[str, str]) 
 
 def _along_edge(a: ComplexArray, wedges: Sequence[Wedge], faces: tuple[str, str]) -> ComplexArray:
     """Conditions on E and G of every wedge: shear and displacement along the edge."""
-    unit = wedges[0].material.as_isotropic.shear_pa
+    unit = wedges[0].material.average.shear_pa
 
     def rows(wedge: Wedge, t: float) -> tuple[ComplexArray, ComplexArray]:
-        stiff = wedge.material.as_isotropic.shear_pa / unit
+        stiff = wedge.material.average.shear_pa / unit
         shear = stiff * np.array([[-np.sin(a * t), np.cos(a * t)]])
         return np.asarray(shear, dtype=complex), np.array([[np.cos(a * t), np.sin(a * t)]], dtype=complex)
 
     return _conditions(wedges, faces, rows)
+
+
+class _Sector(NamedTuple):
+    """A wedge in the frame of its edge: stiffness tensor in units of the first wedge's modulus, first and last angle."""
+
+    tensor: FloatArray
+    start: float
+    end: float
+
+
+def _turned(wedges: Sequence[Wedge], held: bool) -> list[list[_Sector]]:
+    """Sectors of the wedges at every edge that differs from the others: about a foot on the back of a plate, or, `held`, where
+    a pillar's foot or a long side of a zone is clamped.
+    """
+    x, y, z = np.eye(3)
+    pairs = [(along, z if held else -z) for along in (x, -x, y, -y)]
+    pairs += [(along, aside) for along in (z, -z) for aside in (y, -y)] if held else []
+    scale, ends = wedges[0].material.average.shear_pa, np.cumsum([0.0, *(wedge.angle for wedge in wedges)])
+    known: dict[bytes, list[_Sector]] = {}
+    for along, aside in pairs:
+        frame = np.array([along, aside, np.cross(along, aside)])
+        own = [
+            np.einsum("ia,jb,kc,ld,abcd->ijkl", *4 * [frame], wedge.material.tensor_pa / scale, optimize=True)
+            for wedge in wedges
+        ]
+        sectors = [_Sector(*each) for each in zip(own, ends[:-1], ends[1:], strict=True)]
+        known[(np.round(own, 9) + 0.0).tobytes()] = sectors
+    return list(known.values())
+
+
+def _transferred(sectors: Sequence[_Sector], faces: tuple[str, str]) -> Conditions:
+    """Conditions on displacement and traction of the first face: what it and the last one must not have, (..., 6, 6)."""
+    known = [_rays(sector) for sector in sectors]
+    held, barred = (slice(0, 3) if face == CLAMPED else slice(3, 6) for face in faces)
+
+    def conditions(a: ComplexArray) -> ComplexArray:
+        whole = np.eye(6, dtype=complex)
+        for own, step in known:
+            whole = _product(_steps(np.asarray(a, dtype=complex), own, step)) @ whole
+        first = np.broadcast_to(np.eye(6, dtype=complex)[held], (*whole.shape[:-2], 3, 6))
+        return np.concatenate([first, whole[..., barred, :]], axis=-2)
+
+    return conditions
+
+
+def _rays(sector: _Sector) -> tuple[tuple[FloatArray, FloatArray, FloatArray, FloatArray], float]:
+    """A, A mn, nm A and nn - nm A mn at the ends and middles of the steps, (2 STEPS + 1, 3, 3) each, and a step's angle."""
+    t = np.linspace(sector.start, sector.end, 2 * STEPS + 1)
+    zero = np.zeros_like(t)
+    n, m = np.stack([np.cos(t), np.sin(t), zero], -1), np.stack([-np.sin(t), np.cos(t), zero], -1)
+    nn, nm, mn, mm = (np.einsum("qj,ijkl,ql->qik", u, sector.tensor, v) for u in (n, m) for v in (n, m))
+    soft = np.linalg.inv(mm)
+    return (soft, soft @ mn, nm @ soft, nn - nm @ soft @ mn), (sector.end - sector.start) / STEPS
+
+
+def _steps(a: ComplexArray, own: tuple[FloatArray, ...], step: float) -> ComplexArray:
+    """Transfer matrices of Runge and Kutta's steps, (..., STEPS, 6, 6)."""
+    soft, before, after, stiff = own
+    a = a[..., None, None, None]
+    slope = np.zeros((*a.shape[:-3], len(soft), 6, 6), dtype=complex)
+    slope[..., :3, :3], slope[..., :3, 3:] = -a * before, soft
+    slope[..., 3:, :3], slope[..., 3:, 3:] = -(a**2) * stiff, -a * after
+    first, middle, last = slope[..., :-2:2, :, :], slope[..., 1::2, :, :], slope[..., 2::2, :, :]
+    one = np.eye(6)
+    second = middle @ (one + step / 2.0 * first)
+    third = middle @ (one + step / 2.0 * second)
+    fourth = last @ (one + step * third)
+    return np.asarray(one + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth))
+
+
+def _product(steps: ComplexArray) -> ComplexArray:
+    """Product of a power of two of matrices (..., n, 6, 6), the first one applied first."""
+    while steps.shape[-3] > 1:
+        steps = steps[..., 1::2, :, :] @ steps[..., ::2, :, :]
+    return np.asarray(steps[..., 0, :, :])
 
 
 def _conditions(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import ceil, isnan, pi, sqrt
+from math import ceil, inf, isnan, pi, sqrt
 from typing import Literal
 
 import numpy as np
@@ -21,6 +21,7 @@ from solvers.analytic.beams import (
     root_between,
     roots,
 )
+from solvers.analytic.layered import sheared
 from solvers.analytic.plates import (
     MAX_LINES,
     Strip,
@@ -38,9 +39,11 @@ FINGER_M = 0.020  # width of a fingertip: the half-wavelength should be smaller
 
 @dataclass(frozen=True)
 class ZoneSize:
-    """The zone's mode (0, N), Hz and m. frequency_hz is the exact thin plate with pinned sides (Levy).
+    """The zone's mode (0, N), Hz and m. frequency_hz is the exact thin plate with pinned sides (Levy), of several layers with
+    their shear.
 
-    formula_hz: beam function between pinned sides. pinned_hz, clamped_hz: with shear (Mindlin); thin_clamped_hz:
+    formula_hz: beam function between pinned sides. pinned_hz, clamped_hz: with shear (Mindlin; of several layers their own
+    waves'); thin_clamped_hz:
     Kirchhoff; these three are None beyond N = 40. half_wavelength_m: pi/k of the free-free beam shape.
     """
 
@@ -297,14 +300,32 @@ def _zone_size(strip: Strip, lines: int) -> ZoneSize:
     ritz = lines <= MAX_LINES
     return ZoneSize(
         nodal_lines=lines,
-        frequency_hz=levy_hz(strip, lines),
+        frequency_hz=levy_hz(strip, lines) * sheared(strip, _along_per_m(strip, lines), strip.across_per_m),
         half_wavelength_m=half_wavelength_m(strip.length_m, lines),
         formula_hz=beam_function_hz(strip, lines),
         node_spacing_m=pi / sqrt(along) if along > 0.0 else None,
-        pinned_hz=mindlin_mode(strip, lines, "pinned").frequency_hz if ritz else None,
         thin_clamped_hz=kirchhoff_mode(strip, lines, "clamped").frequency_hz if ritz else None,
-        clamped_hz=mindlin_mode(strip, lines, "clamped").frequency_hz if ritz else None,
+        **dict(zip(("pinned_hz", "clamped_hz"), _with_shear(strip, lines) if ritz else (None, None), strict=True)),
     )
+
+
+def _along_per_m(strip: Strip, lines: int) -> float:
+    """Wavenumber of the free-free beam shape, rad/m; 0 for rigid shapes."""
+    return pi / (half_wavelength_m(strip.length_m, lines) or inf)
+
+
+def _with_shear(strip: Strip, lines: int) -> tuple[float, float]:
+    """The mode between pinned and clamped sides, Hz, with shear: Mindlin's of one layer. No single shear stiffness describes
+    several layers: the laminate's frequency is corrected as shear changes its wave at the mode's wavevector.
+    """
+    if len(strip.stack.layers) == 1:
+        pinned, clamped = (mindlin_mode(strip, lines, sides).frequency_hz for sides in ("pinned", "clamped"))
+        return pinned, clamped
+    along = _along_per_m(strip, lines)
+    laminate = levy_hz(strip, lines), kirchhoff_mode(strip, lines, "clamped").frequency_hz
+    across = strip.across_per_m, roots("clamped", "clamped", 1)[0] / strip.width_m
+    pinned, clamped = (tone * sheared(strip, along, each) for tone, each in zip(laminate, across, strict=True))
+    return pinned, clamped
 
 
 def _pillar_size(pillar: Pillar, target_hz: float | None) -> PillarSize:
@@ -355,6 +376,7 @@ def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
         f"{'below' if error < 0.0 else 'above'} the exact thin plate's {zone.frequency_hz / 1e3:.3g} kHz: it does not satisfy "
         "the conditions at a plate's free ends"
     ]
+    lines = lines if not design.layers else []  # the formula knows no shear
     if zone.half_wavelength_m is not None:
         finger = "below" if zone.half_wavelength_m < FINGER_M else "not below"
         lines.append(
@@ -363,6 +385,13 @@ def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
         )
     if zone.pinned_hz is None or zone.clamped_hz is None or zone.thin_clamped_hz is None:
         return [*lines, f"zone: shear and clamped sides are not estimated beyond {MAX_LINES} nodal lines"]
+    if design.layers:
+        change = 100 * (zone.clamped_hz / zone.thin_clamped_hz - 1)
+        return [
+            *lines,
+            f"zone: shear of the layers changes the laminate's frequency by {change:+.1f} % with clamped sides: from "
+            f"{zone.pinned_hz / 1e3:.3g} kHz (pinned sides) to {zone.clamped_hz / 1e3:.3g} kHz (clamped sides)",
+        ]
     return [
         *lines,
         f"zone: shear and rotary inertia change the frequency by {100 * (zone.pinned_hz / zone.frequency_hz - 1):+.1f} % "

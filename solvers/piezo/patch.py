@@ -29,7 +29,7 @@ from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import Boxes, bonded_boxes, hex_mesh
 from geometry.hex.scenes import HexSettings, grid_lines
 from geometry.layout import Design, PillarGroup, mirrored_axes
-from geometry.materials import VOIGT, Material, PiezoMaterial
+from geometry.materials import VOIGT, Material, PiezoMaterial, Stack
 from geometry.mesh import Mesh
 from geometry.tiling import Tiling, signature
 from solvers.accuracy.mesh import ErrorFractions, rim_shares
@@ -120,11 +120,12 @@ class StaticCorrection:
         """
         return self._missing_flexibility(plate, _Place.of(plate, patch, self.reductions, back))
 
-    def shares(self, patch: BondedPatch) -> ErrorFractions:
+    def shares(self, patch: BondedPatch, back: bool) -> ErrorFractions:
         """Error fractions beneath a patch for the mesh without its innermost layer."""
         ceramic = patch.material
         alike = Material.isotropic(ceramic.name, 1.0 / ceramic.s11, ceramic.density_kg_m3, -ceramic.s12 / ceramic.s11)
-        shares = rim_shares(self.reductions.stack.material, alike, patch.mesh)
+        stack = self.reductions.stack
+        shares = rim_shares(stack.back if back else stack.touch, alike, patch.mesh)
         return replace(shares, uncertainty=shares.uncertainty + ROUGH * shares.correction)
 
     def prepare(self, plate: AssembledPlate, patches: Iterable[BondedPatch], back: bool) -> None:
@@ -199,13 +200,13 @@ class _Place:
     stands: tuple[PillarGroup, ...]
     patch: BondedPatch
     back: bool
-    thickness_m: float
+    stack: Stack
 
     @classmethod
     def of(cls, plate: AssembledPlate, patch: BondedPatch, reductions: Reductions, back: bool) -> _Place:
         """Place of a patch on a plate of such panels."""
         panels = Panels.beneath(plate.grid, patch.box_m, reductions.stack.thickness_m)
-        return cls(panels, panels.stands(reductions.pillar), patch, back, reductions.stack.thickness_m)
+        return cls(panels, panels.stands(reductions.pillar), patch, back, reductions.stack)
 
     @cached_property
     def mirrors(self) -> tuple[int, ...]:
@@ -216,7 +217,8 @@ class _Place:
         return tuple(
             axis
             for axis, (name, lines) in enumerate(zip("xy", (boxes.x, boxes.y), strict=True))
-            if (f"{name}-" in clamped) == (f"{name}+" in clamped)
+            if name in self.stack.mirrors
+            and (f"{name}-" in clamped) == (f"{name}+" in clamped)
             and even[axis]
             and np.abs(lines).min() < SAME_M
             and (not self.stands or self.panels.grid.tiling.mirrored)
@@ -234,7 +236,7 @@ class _Place:
             PillarGroup(each.pillar, each.centres[(each.centres[:, axes] > -each.pillar.footprint_m / 2.0).all(axis=1)])
             for each in self.stands
         )
-        return bonded_boxes(span, self.thickness_m, stands, self.box_m, self.back, self.patch.mesh)
+        return bonded_boxes(span, self.stack, stands, self.box_m, self.back, self.patch.mesh)
 
     def distinct(self, symmetry: str) -> tuple[sp.csr_array, sp.csr_array]:
         """Map to the motion of all nodes of the bonded face, (3 b, 3 a), of that of those which are no other's image, in
@@ -242,7 +244,7 @@ class _Place:
         """
         mesh, project, points = self.fine_mesh, self.patch.projection, self.patch.points - self.panels.middle_m
         folded, flips = self._folded(points)
-        on = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (self.thickness_m if self.back else 0.0)) < SAME_M)
+        on = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (self.stack.thickness_m if self.back else 0.0)) < SAME_M)
         weights = grid_weights(mesh.nodes[on, :2], mesh.order, folded)
         own, turned = self._images(project @ points, symmetry)
         signs = mirror_signs(symmetry, flips)

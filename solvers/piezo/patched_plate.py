@@ -503,7 +503,7 @@ def _bonds(
     return {
         key: _Bond(
             tuple(_part(patch, plate, back, eigenvalue, beneath) for patch in parts),
-            beneath.shares(parts[0]) if beneath and len(parts) > 1 else None,
+            beneath.shares(parts[0], back) if beneath and len(parts) > 1 else None,
         )
         for key, parts in meshed.items()
     }

@@ -121,12 +121,12 @@ class Reductions:
         return panel.pillar or self.pillar
 
     def _mesh(self, panel: Panel, settings: HexSettings) -> PatchedMesh:
-        return panel_mesh(panel, self.stack.thickness_m, self.pillar, settings)
+        return panel_mesh(panel, self.stack, self.pillar, settings)
 
     def system(self, mesh: Mesh) -> System:
-        """The assembled matrices of a mesh. MeshError for one that is not sound, GeometryError for several layers."""
+        """The assembled matrices of a mesh. MeshError for one that is not sound."""
         check_mesh(mesh)
-        scale = Scale.of(self.stack.thickness_m, self.stack.material)
+        scale = Scale.of(self.stack.thickness_m, self.stack.mean)
         return assemble(mesh, region_materials(self.stack, self.pillar), scale)
 
     def coarser(self, panel: Panel) -> Coarser | None:

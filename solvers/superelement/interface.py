@@ -22,15 +22,25 @@ OFFSETS = ((0, 0), (1, 0), (0, 1), (1, 1))  # of the vertex lines from the first
 
 @dataclass(frozen=True)
 class Interface:
-    """Degrees of the boundary functions: `along` each side (at least 1), `through` the thickness (at least 1)."""
+    """Degrees of the boundary functions: `along` each side (at least 1), `through` the thickness (at least 1).
+
+    joints: heights from -1 to 1 where layers of the plate meet. Functions through it are then continuous polynomials of each
+    layer, which may have a kink between two of them.
+    """
 
     along: int
     through: int
+    joints: tuple[float, ...] = ()
 
     @property
     def layers(self) -> int:
         """Functions through the thickness."""
-        return self.through + 1
+        return (len(self.joints) + 1) * self.through + 1
+
+    @property
+    def highest(self) -> IntArray:
+        """Those of them that have the highest degree, (n,)."""
+        return np.arange((len(self.joints) + 1) * (self.through - 1) + 1, self.layers)
 
     @property
     def vertex_block(self) -> int:
@@ -65,7 +75,7 @@ class Interface:
 
     @property
     def across(self) -> IntArray:
-        """Degree through the thickness of each degree of freedom, (count,)."""
+        """Function through the thickness of each degree of freedom, (count,): ascending in degree."""
         return np.arange(self.count) // 3 % self.layers
 
     @property
@@ -80,7 +90,7 @@ class Interface:
     def evaluate(self, points: FloatArray) -> FloatArray:
         """Scalar boundary functions at boundary points (n, 3) in the cell's own coordinates [-1, 1]^3, shape (n, count / 3)."""
         x, y, z = points.T
-        layers = legendre.legvander(z, self.through)
+        layers = through_functions(z, self.through, self.joints)
         flat = [np.einsum("n,nr->nr", (1 + sx * x) * (1 + sy * y) / 4, layers) for sx, sy in VERTICES]
         bubbles_x, bubbles_y = bubble_functions(x, self.along), bubble_functions(y, self.along)
         for sign in (-1, 1):
@@ -220,6 +230,41 @@ def bubble_functions(s: FloatArray, degree: int) -> FloatArray:
         [(values[:, k] - values[:, k - 2]) / np.sqrt(2.0 * (2 * k - 1)) for k in range(2, degree + 1)]
         or [np.empty((len(s), 0))]
     )
+
+
+def through_functions(z: FloatArray, degree: int, joints: tuple[float, ...] = ()) -> FloatArray:
+    """Evaluate the functions through the thickness: continuous, and polynomials of each layer; lower degrees come first.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n,)
+        Coordinates on [-1, 1].
+    degree : int
+        Highest degree.
+    joints : tuple of float, optional
+        Places on (-1, 1) where layers meet, ascending.
+
+    Returns
+    -------
+    ndarray, shape (n, layers * degree + 1)
+        Legendre polynomials of one layer. Of several, 1, z and a kink at each joint, then bubbles of each layer, zero outside
+        it, by degree.
+
+    References
+    ----------
+    .. [1] szabo1991 (docs/references.bib)
+    """
+    if not joints:
+        return np.asarray(legendre.legvander(z, degree))
+    ends = np.array([-1.0, *joints, 1.0])
+    kinks = np.abs(z[:, None] - np.array(joints)) - (1.0 - z[:, None] * np.array(joints))  # zero on both faces
+    columns = [np.ones((len(z), 1)), z[:, None], kinks]
+    own = np.clip(np.searchsorted(ends, z) - 1, 0, len(joints))
+    local = 2.0 * (z - ends[own]) / np.diff(ends)[own] - 1.0
+    bubbles = bubble_functions(local, degree)
+    inside = own[:, None] == np.arange(len(joints) + 1)
+    columns += [bubbles[:, [k]] * inside for k in range(degree - 1)]
+    return np.hstack(columns)
 
 
 @dataclass(frozen=True)

@@ -84,9 +84,9 @@ def _enough_nodes(system: System, interface: Interface) -> None:
     mesh = system.mesh
     side = mesh.nodes[mesh.nodes_of("x+")]
     through = len(np.unique(np.round(side[:, 2], 9)))
-    if mesh.kind == "hex" and through <= interface.through:
+    if mesh.kind == "hex" and through < interface.layers:
         raise SolverError(
-            f"degree {interface.through} through the thickness needs {interface.through + 1} nodes, the mesh has {through}: "
+            f"degree {interface.through} through the thickness needs {interface.layers} nodes, the mesh has {through}: "
             "use a higher order or more elements through the plate"
         )
 

@@ -577,10 +577,10 @@ def missing_flexibility(plate: AssembledPlate, beneath: StaticCorrection, finger
 
 def _fine(panels: Panels, reductions: Reductions, contact: Contact, box_m: FloatArray) -> FloatArray:
     """N K^-1 N' in the plate's scale."""
-    thickness = reductions.stack.thickness_m
-    settings = HexSettings(MESH.order, thickness / MESH.through, MESH.layers)
+    stack = reductions.stack
+    settings = HexSettings(MESH.order, stack.thickness_m / MESH.through, MESH.layers)
     stands = panels.stands(reductions.pillar)
-    mesh = hex_mesh(bonded_boxes(panels.span_m, thickness, stands, box_m, False, settings), MESH.order)
+    mesh = hex_mesh(bonded_boxes(panels.span_m, stack, stands, box_m, False, settings), MESH.order)
     pencil = constrain(reductions.system(mesh), free_mask(mesh, set(panels.clamped), {}))
     loads = _loads(mesh, contact, panels.middle_m)[np.flatnonzero(pencil.free)]
     return np.asarray(loads.T @ Factoriser()(sp.csc_array(pencil.stiffness)).solve(loads))

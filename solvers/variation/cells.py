@@ -243,7 +243,7 @@ class _Sampler:
 
     def _varied(self, opened: Sequence[int]) -> VariedPanel:
         own = self.reductions
-        return VariedPanel(self.panel, own.stack.thickness_m, self.pillar, own.reduction.hexahedra, tuple(opened))
+        return VariedPanel(self.panel, own.stack, self.pillar, own.reduction.hexahedra, tuple(opened))
 
     def _fixed(self, still: Mesh, opened: list[int], signs: dict[int, int]) -> tuple[IntArray, FloatArray]:
         """The nominal modes of a symmetry class, numbers and nodal shapes (3n, m), on the mesh unfolded about `opened`."""

@@ -33,7 +33,7 @@ class CellsOfTheProcess:
 def mesh_coarsest(patch: pytest.MonkeyPatch) -> None:
     """Mesh every panel and patch with the fewest elements; panels are cached as usual."""
     patch.setattr(mesh_rules, "cell_mesh", lambda design, level: COARSEST)
-    patch.setattr(mesh_rules, "Interface", lambda along, through: Interface(along, 2))
+    patch.setattr(mesh_rules, "Interface", lambda along, through, joints=(): Interface(along, 2, joints))
     patch.setattr(piezo_patch, "MESH", COARSEST_PATCH)
 
 

@@ -18,6 +18,8 @@ from solvers.measures.confinement import measure
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 
+STACK = Stack.of(2e-3, MATERIALS["aluminium"])
+
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
 DESIGN = Design(24e-3, 16e-3, 2e-3, 2, ALUMINIUM, PILLAR, 4e-3, 4e-3, 1, 0.0)
@@ -38,7 +40,7 @@ def lines_of_pieces(model: PlateModel, settings: HexSettings) -> tuple[np.ndarra
     for i in range(len(tiling.x) - 1):
         for j in range(len(tiling.y) - 1):
             panel = tiling.panel(i, j)
-            boxes = panel_boxes(panel, 2e-3, PILLAR, settings)
+            boxes = panel_boxes(panel, STACK, PILLAR, settings)
             for axis, lines in enumerate((boxes.x, boxes.y)):
                 both = np.concatenate([lines, -lines]) if axis in panel.halved else lines
                 result[axis].extend(both + panel.middle[axis])

@@ -34,7 +34,7 @@ ALIKE = 0.006
 def skewed(panel: Panel) -> Mesh:
     """A piece whose pillar stands beside the place that it was given."""
     foot = tuple((np.array(panel.foot) + SHIFT).tolist())
-    return hex_mesh(panel_boxes(replace(panel, foot=foot), DESIGN.thickness_m, BOX, MESH), MESH.order)
+    return hex_mesh(panel_boxes(replace(panel, foot=foot), DESIGN.stack, BOX, MESH), MESH.order)
 
 
 FINE, COARSE = (
@@ -55,7 +55,7 @@ def in_one_piece(model: PlateModel) -> SolidModel:
         for j in range(len(tiling.y) - 1):
             panel = tiling.panel(i, j)
             foot = tuple((np.array(panel.foot) + SHIFT).tolist()) if panel.foot else None
-            boxes = panel_boxes(replace(panel, foot=foot), DESIGN.thickness_m, BOX, MESH)
+            boxes = panel_boxes(replace(panel, foot=foot), DESIGN.stack, BOX, MESH)
             for axis, lines in enumerate((boxes.x, boxes.y)):
                 both = np.concatenate([lines, -lines]) if axis in panel.halved else lines
                 result[axis].extend(both + panel.middle[axis])

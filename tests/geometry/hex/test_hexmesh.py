@@ -10,9 +10,11 @@ import pytest
 from geometry.hex.boxes import cell_boxes, hex_mesh, panel_boxes, pillar_boxes, plate_boxes, zone_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, Stack
 from geometry.mesh import Mesh, cell_volumes, check_mesh
 from geometry.tiling import Panel
+
+STACK = Stack.of(2e-3, MATERIALS["aluminium"])
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
@@ -119,17 +121,17 @@ def test_zone_is_graded_towards_its_clamped_sides_and_its_free_ends_and_not_at_t
 def test_so_many_elements_lie_through_a_plate_with_pillars_and_through_a_bare_one() -> None:
     settings = HexSettings(order=3, size_m=4e-3, layers=1, factor=0.1, pillar_size_m=3e-3, through=2)
     with_foot, bare = (
-        panel_boxes(Panel((-2e-3, -2e-3), (2e-3, 2e-3), foot), 2e-3, PILLAR, settings) for foot in ((0.0, 0.0), None)
+        panel_boxes(Panel((-2e-3, -2e-3), (2e-3, 2e-3), foot), STACK, PILLAR, settings) for foot in ((0.0, 0.0), None)
     )
     assert np.allclose(with_foot.z[with_foot.z <= 2.0001e-3], [0.0, 1e-3, 1.9e-3, 2e-3])
     assert np.allclose(bare.z, [0.0, 1e-3, 2e-3])
-    once = panel_boxes(Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0)), 2e-3, PILLAR, replace(settings, through=1))
+    once = panel_boxes(Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0)), STACK, PILLAR, replace(settings, through=1))
     assert np.array_equal(once.x, with_foot.x) and np.array_equal(once.y, with_foot.y)
 
 
 def test_an_off_centre_foot_stands_where_the_piece_says() -> None:
     panel = Panel((1e-3, -2e-3), (5e-3, 4e-3), (2.5e-3, 1.5e-3))
-    mesh = hex_mesh(panel_boxes(panel, 2e-3, PILLAR, COARSE), 1)
+    mesh = hex_mesh(panel_boxes(panel, STACK, PILLAR, COARSE), 1)
     foot = mesh.nodes[np.unique(mesh.cells[mesh.regions["pillar"]])]
     assert np.allclose([foot[:, 0].min(), foot[:, 0].max()], [-1.5e-3, 0.5e-3])
     assert np.allclose([foot[:, 1].min(), foot[:, 1].max()], [-0.5e-3, 1.5e-3])

@@ -14,12 +14,15 @@ from geometry.hex import panels
 from geometry.hex.panels import panel_mesh, transfer
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, Stack
 from geometry.mesh import cell_volumes, check_mesh
 from geometry.tiling import Panel
 from solvers.fem.surface import face_quadrature
 
+THIN_STACK = Stack.of(1e-3, MATERIALS["aluminium"])
+
 T, H, W = 1.6e-3, 5.2e-3, 1.9e-3
+STACK = Stack.of(T, MATERIALS["aluminium"])
 SQUARE = Pillar("square", W, W, H, MATERIALS["aluminium"])
 PILLARS = {
     "round": replace(SQUARE, shape="round"),
@@ -57,7 +60,7 @@ def volume_m3(panel: Panel, pillar: Pillar) -> float:
 
 
 def test_the_mesh_is_sound_and_fills_the_solid(panel: Panel, pillar: Pillar) -> None:
-    mesh = panel_mesh(panel, T, pillar, SETTINGS).mesh
+    mesh = panel_mesh(panel, STACK, pillar, SETTINGS).mesh
     # arcs of an eighth of a circle through four points: the area is off by less than (pi/8)^8 / 8! of itself
     assert check_mesh(mesh).volume_m3 == pytest.approx(volume_m3(panel, pillar), rel=1e-6)
     assert mesh.nodes[:, 2].max() == pytest.approx(T + H)
@@ -72,7 +75,7 @@ def test_the_mesh_is_sound_and_fills_the_solid(panel: Panel, pillar: Pillar) -> 
 
 def test_every_inner_facet_belongs_to_two_elements(panel: Panel, pillar: Pillar) -> None:
     """Patches meet node for node: what one element alone has lies on the outside, plate and pillar together are closed."""
-    mesh = panel_mesh(panel, T, pillar, SETTINGS).mesh
+    mesh = panel_mesh(panel, STACK, pillar, SETTINGS).mesh
     (local,) = mesh.element.facets
     facets = np.concatenate([mesh.cells[:, face] for face in local])
     counts = Counter(tuple(sorted(facet)) for facet in facets.tolist())
@@ -95,8 +98,8 @@ def test_every_inner_facet_belongs_to_two_elements(panel: Panel, pillar: Pillar)
 
 def test_coarser_meshes_are_nested(panel: Panel, pillar: Pillar) -> None:
     """A field that a coarser mesh can hold is prolonged exactly; without the innermost layer the geometry itself is one."""
-    fine, layer = panel_mesh(panel, T, pillar, SETTINGS), panel_mesh(panel, T, pillar, SETTINGS.coarser)
-    lower = panel_mesh(panel, T, pillar, replace(SETTINGS, order=2))
+    fine, layer = panel_mesh(panel, STACK, pillar, SETTINGS), panel_mesh(panel, STACK, pillar, SETTINGS.coarser)
+    lower = panel_mesh(panel, STACK, pillar, replace(SETTINGS, order=2))
     assert len(layer.mesh.cells) < len(fine.mesh.cells) == len(lower.mesh.cells)
     for coarse in (layer, lower):
         prolonged = transfer(coarse, fine)
@@ -111,12 +114,12 @@ def test_what_hexahedra_cannot_follow_is_refused() -> None:
     filleted = replace(SQUARE, fillet_m=0.2e-3)
     for pillar, panel in ((PILLARS["round"], flush), (filleted, CENTRED)):
         with pytest.raises(MeshError, match=r"hexahedra cannot follow|is not made of boxes"):
-            panel_mesh(panel, T, pillar, SETTINGS)
-    assert check_mesh(panel_mesh(flush, T, PILLARS["narrowing"], SETTINGS).mesh)
+            panel_mesh(panel, STACK, pillar, SETTINGS)
+    assert check_mesh(panel_mesh(flush, STACK, PILLARS["narrowing"], SETTINGS).mesh)
 
 
 def test_pillars_on_both_faces_are_each_others_image(pillar: Pillar) -> None:
-    mesh = panel_mesh(OFF_CENTRE, T, replace(pillar, faces=2), SETTINGS).mesh
+    mesh = panel_mesh(OFF_CENTRE, STACK, replace(pillar, faces=2), SETTINGS).mesh
     plate = (OFF_CENTRE.high[0] - OFF_CENTRE.low[0]) * (OFF_CENTRE.high[1] - OFF_CENTRE.low[1]) * T
     one = volume_m3(OFF_CENTRE, pillar) - plate
     assert check_mesh(mesh).volume_m3 == pytest.approx(plate + 2.0 * one, rel=1e-6)
@@ -136,7 +139,7 @@ def test_a_mirror_image_that_keeps_its_lines_is_turned_inside_out(monkeypatch: p
 
     monkeypatch.setattr("geometry.hex.panels._reflected", careless)
     with pytest.raises(MeshError):
-        check_mesh(panel_mesh(OFF_CENTRE, T, PILLARS["round"], SETTINGS).mesh)
+        check_mesh(panel_mesh(OFF_CENTRE, STACK, PILLARS["round"], SETTINGS).mesh)
 
 
 @pytest.mark.parametrize("shape", ["round", "hexagonal"])
@@ -145,7 +148,7 @@ def test_quadrants_of_unlike_room_meet_node_for_node(shape: str) -> None:
     wide = replace(SQUARE, shape=shape, base_m=8e-3, tip_m=8e-3)
     panel = Panel((-5.0e-3, -4.2e-3), (9.0e-3, 7.0e-3), (0.0, 0.0))
     settings = HexSettings(3, 2e-3, 1, 0.15, H / 4.0)
-    mesh = panel_mesh(panel, 1e-3, wide, settings).mesh
+    mesh = panel_mesh(panel, THIN_STACK, wide, settings).mesh
     area = {"round": pi / 4.0, "hexagonal": np.sqrt(0.75)}[shape] * 64e-6
     assert check_mesh(mesh).volume_m3 == pytest.approx(14.0e-3 * 11.2e-3 * 1e-3 + area * H, rel=1e-6)
 
@@ -160,4 +163,4 @@ def test_patches_that_do_not_meet_are_refused(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setitem(panels.PLANS, "disc", (uneven, (1.0, 1.0)))
     with pytest.raises(MeshError, match="do not meet node for node"):
-        panel_mesh(OFF_CENTRE, T, PILLARS["round"], SETTINGS)
+        panel_mesh(OFF_CENTRE, STACK, PILLARS["round"], SETTINGS)

@@ -77,7 +77,7 @@ def test_the_cad_solids_hold_every_part_once() -> None:
         ((), {"height_mm": -1.0}, "tip.height_mm = -1: must be a finite number of 0 or more"),
         (("tolerance.height_mm=0.1",), {}, "without fillet or heavy tip, on the back alone, can be varied"),
         (("pillar.shape=step",), {}, "tip.height_mm = 1.5: must be 0 with a step pillar"),
-        (("tip.material=lead",), {}, 'tip.material = "lead": must be one of'),
+        (("tip.material=led",), {}, 'tip.material = "led": must be one of'),
     ],
 )
 def test_every_fault_has_its_line(settings: tuple[str, ...], tip: dict[str, float], line: str) -> None:

@@ -18,6 +18,7 @@ from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.mesh import Mesh, cell_volumes, check_mesh, split_hexahedra
 from pipeline.case.model import Case, case_from_dict
 from pipeline.cli import main
+from pipeline.errors import InputError
 from pipeline.exchange import finite_elements
 from pipeline.exchange.finite_elements import MAX_DOFS, Exchange, exchange, modes_below
 from pipeline.logs import TerminalLog
@@ -204,6 +205,45 @@ def test_commands_are_python_and_every_keyword_is_in_the_catalogue(part: str, so
     groups = {node.value for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant)}
     assert set(result.volumes) <= groups
     assert "STURM" in text
+
+
+FIBRES = {
+    "density_kg_m3": 1900.0,
+    "orthotropic": {
+        "E1_GPa": 40.0, "E2_GPa": 9.0, "E3_GPa": 8.0, "nu12": 0.27, "nu13": 0.29, "nu23": 0.4,
+        "G12_GPa": 4.0, "G13_GPa": 4.5, "G23_GPa": 2.5,
+    },
+}  # fmt: skip
+
+
+def test_an_orthotropic_material_has_its_nine_constants_and_axes_along_the_mesh() -> None:
+    result = exchange(case_from_dict(SCENE | {"material": FIBRES}), "plate", TerminalLog(True))
+    calls = _calls(finite_elements.commands(result, (5e3, 60e3)))
+    for name, call in calls:
+        _check(call, CATALOGUE[name], name)
+    (law,) = [
+        keyword.value
+        for name, call in calls
+        for keyword in call.keywords
+        if name == "DEFI_MATERIAU" and keyword.arg == "ELAS_ORTH"
+    ]
+    assert isinstance(law, ast.Call)
+    stated = {keyword.arg: ast.literal_eval(keyword.value) for keyword in law.keywords}
+    given = {key: 1e9 * value if key.endswith("_GPa") else value for key, value in FIBRES["orthotropic"].items()}  # type: ignore[attr-defined]
+    letters = str.maketrans("123", "LTN")
+    for key, value in given.items():
+        name = key.removesuffix("_GPa")
+        assert stated[f"{name.rstrip('123').upper()}_{name.lstrip('EnuG').translate(letters)}"] == pytest.approx(value)
+    assert any(name == "AFFE_CARA_ELEM" for name, _ in calls)
+
+
+def test_axes_that_elas_orth_cannot_hold_are_refused_in_one_line(tmp_path: Path) -> None:
+    turned = case_from_dict(SCENE | {"material": FIBRES | {"axes_deg": [30.0, 0.0, 0.0]}})
+    with pytest.raises(
+        InputError, match="ELAS_ORTH takes axes along x, y and z: leave out axes_deg, or export calculix"
+    ):
+        finite_elements.aster(turned, "plate", tmp_path / "plate", TerminalLog(True))
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_catalogue_check_refuses_a_wrong_keyword_and_a_wrong_word() -> None:

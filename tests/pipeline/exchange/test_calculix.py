@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
+from geometry.materials import Material
 from pipeline import quantity
 from pipeline.case.model import case_from_dict
 from pipeline.cli import main
@@ -97,6 +99,20 @@ def test_each_volume_has_its_density_and_only_clamped_parts_a_boundary() -> None
     assert "*FREQUENCY\n10, 5000, 40000\n" in pillar
     longest = max(len(word.strip()) for line in pillar.splitlines() for word in line.split(",") if line[0].isdigit())
     assert longest <= 20  # CalculiX cuts a number after 20 characters
+
+
+def test_an_anisotropic_material_has_21_constants_in_calculixs_order() -> None:
+    """1111, 1122, 2222, 1133, 2233, 3333, 1112, 2212, 3312, 1212, 1113, 2213, 3313, 1213, 1313, 1123, ... 2323."""
+    c = np.diag([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
+    place = {"11": 0, "22": 1, "33": 2, "23": 3, "13": 4, "12": 5}
+    for number, (i, j) in enumerate(combinations(range(6), 2), start=1):
+        c[i, j] = c[j, i] = 0.1 * number
+    law = Material.anisotropic("any", 1e9 * c, 1000.0, "")
+    pairs = ["11", "22", "33", "12", "13", "23"]
+    expected = [1e9 * c[place[a], place[b]] for n, b in enumerate(pairs) for a in pairs[: n + 1]]
+    lines = finite_elements._constants(law)
+    assert [len(line.split(", ")) for line in lines] == [8, 8, 5]
+    assert [float(word) for line in lines for word in line.split(", ")] == pytest.approx(expected, rel=1e-11)
 
 
 def test_the_command_writes_one_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

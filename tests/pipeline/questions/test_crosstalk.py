@@ -143,7 +143,7 @@ def _on_all_lines(model: PlateModel, case: Case) -> Mesh:
     lines: tuple[list[float], ...] = ([0.0], [0.0], [])
     for place in tiling.representatives(False):
         panel = tiling.panel(*place)
-        boxes = panel_boxes(panel, design.thickness_m, design.pillar, model.reductions.settings(panel))
+        boxes = panel_boxes(panel, design.stack, design.pillar, model.reductions.settings(panel))
         for axis, own in enumerate((boxes.x, boxes.y)):
             both = np.concatenate([own, -own]) if axis in panel.halved else own
             lines[axis].extend(v for v in both + panel.middle[axis] if v > 0.0)

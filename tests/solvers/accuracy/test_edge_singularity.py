@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from math import atan, pi, sqrt, tan
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from geometry.materials import Material
+from geometry.materials import MATERIALS, Material
 from solvers.accuracy.singularity import (
     CLAMPED,
     FREE,
@@ -68,6 +69,33 @@ def test_displacements_along_a_foots_rim_have_their_closed_form(ratio: float) ->
     exact = 2.0 / pi * atan(sqrt(1.0 + 2.0 / ratio))
     assert tan(exact * pi / 2.0) ** 2 == pytest.approx(1.0 + 2.0 / ratio)
     assert antiplane_exponent(rim_wedges(plate, pillar)) == pytest.approx(exact, abs=1e-9)
+
+
+def unnamed(law: Material) -> Material:
+    """The law without its two constants, as any other law is treated."""
+    return replace(law, constants=None)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 1.0, 3.0])
+def test_a_law_without_constants_has_the_exponents_of_its_isotropic_twin(ratio: float) -> None:
+    pair = material(70e9, 0.34), material(ratio * 70e9, 0.25)
+    own, twin = (edge_exponent(rim_wedges(*each)) for each in (map(unnamed, pair), pair))
+    assert own == pytest.approx(twin, abs=1e-6)
+    assert clamped_edge_exponent(unnamed(pair[1])) == pytest.approx(clamped_edge_exponent(pair[1]), abs=1e-6)
+
+
+def test_a_crack_goes_as_the_square_root_in_any_law() -> None:
+    turned = MATERIALS["silicon"].turned((20.0, 30.0, 40.0))
+    assert edge_exponent((Wedge(turned, 2.0 * pi - 1e-9),)) == pytest.approx(0.5, abs=1e-5)
+    assert edge_exponent((Wedge(turned, pi - 1e-9),)) == 1.0
+
+
+def test_a_crack_along_a_bond_goes_as_the_square_root_times_an_oscillation() -> None:
+    """Of any two laws: a = 1/2 + i epsilon (and two wedges of one law are one wedge)."""
+    turned = MATERIALS["silicon"].turned((20.0, 30.0, 40.0))
+    assert edge_exponent((Wedge(turned, pi), Wedge(material(3e9, 0.37), pi - 1e-9))) == pytest.approx(0.5, abs=1e-4)
+    halves = (Wedge(turned, 0.4 * pi), Wedge(turned, 1.1 * pi))
+    assert edge_exponent(halves) == pytest.approx(edge_exponent((Wedge(turned, 1.5 * pi),)), abs=1e-5)
 
 
 def test_a_rigid_pillar_is_a_punch_and_a_soft_one_a_clamped_quarter() -> None:

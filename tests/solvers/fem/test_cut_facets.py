@@ -9,11 +9,12 @@ from geometry.elements import FloatArray
 from geometry.hex.panels import panel_mesh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.fem.surface import FaceQuadrature, face_quadrature, facet_quadrature
 
 T, H, R, SIDE = 2e-3, 6e-3, 1e-3, 4e-3
+STACK = Stack.of(T, MATERIALS["aluminium"])
 PANEL = Panel((-SIDE / 2, -SIDE / 2), (SIDE / 2, SIDE / 2), (0.0, 0.0))
 LINES = {"tangent": R, "just within": 0.999 * R, "crossing": 0.37 * R, "middle": 0.0, "outside": 1.3 * R}
 EXACT = 1e-10  # of the integral, straight edges: polynomials on polygons
@@ -38,7 +39,7 @@ def exact(line_m: float, powers: tuple[int, int]) -> float:
 def test_integrals_end_at_a_line_about_a_foot(shape: str, place: str, order: int) -> None:
     """The facets about the foot fill a rectangle whatever their edges: moments of its part below a line are known."""
     pillar = Pillar(shape, 2.0 * R, 2.0 * R, H, MATERIALS["aluminium"])
-    mesh = panel_mesh(PANEL, T, pillar, HexSettings(order, SIDE, 1, 0.15, H)).mesh
+    mesh = panel_mesh(PANEL, STACK, pillar, HexSettings(order, SIDE, 1, 0.15, H)).mesh
     rule = face_quadrature(mesh, "touch", [-LINES[place], LINES[place]])
     for powers in ((0, 0), (2, 0), (2, 1), (0, 3)) if shape == "hexagonal" else ((0, 0),):
         for line in (-LINES[place], LINES[place]):
@@ -51,7 +52,7 @@ def test_integrals_end_at_a_line_about_a_foot(shape: str, place: str, order: int
 def test_a_rule_without_lines_in_reach_stays_the_same() -> None:
     """Lines along edges of straight facets and beyond the face part nothing."""
     square = Pillar("square", 2.0 * R, 2.0 * R, H, MATERIALS["aluminium"])
-    mesh = panel_mesh(PANEL, T, square, HexSettings(3, SIDE, 1, 0.15, H)).mesh
+    mesh = panel_mesh(PANEL, STACK, square, HexSettings(3, SIDE, 1, 0.15, H)).mesh
     plain, cut = (face_quadrature(mesh, "touch", lines) for lines in ((), (R, -R, SIDE)))
     order = [np.lexsort(rule.points[:, :2].T) for rule in (plain, cut)]
     assert len(plain.weights) == len(cut.weights)

@@ -20,6 +20,8 @@ from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.reduction import reduce_cell
 from solvers.superelement.symmetry import DiagonalSector, diagonal_mirror
 
+STACK = Stack.of(2e-3, MATERIALS["aluminium"])
+
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
 FACE = Interface(3, 2)
@@ -28,7 +30,7 @@ SQUARE = Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
 
 def system(panel: Panel = SQUARE, stiffer: bool = False) -> System:
     """A quarter cell, or one with a stiffer element off the diagonal."""
-    mesh = hex_mesh(panel_boxes(panel, 2e-3, PILLAR, HexSettings(2, 2e-3, 1)), 2)
+    mesh = hex_mesh(panel_boxes(panel, STACK, PILLAR, HexSettings(2, 2e-3, 1)), 2)
     materials = {"plate": ALUMINIUM, "pillar": ALUMINIUM, "odd": MATERIALS["steel"]}
     if stiffer:
         corner = np.argmax(mesh.nodes[mesh.cells].mean(axis=1) @ [1.0, -1.0, 0.0])

@@ -35,6 +35,7 @@ from solvers.waves.branches import one_sided
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
 THICK_M, BARE = 2e-3, (3e-3, 4e-3)
+STACK = Stack.of(THICK_M, MATERIALS["aluminium"])
 COARSE = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
 AMPLE = HexSettings(order=4, size_m=1e-3, layers=0, pillar_size_m=6.3e-3)
 # long sides of fewer elements have kinks; one of order 3 through the plate has no degree that the functions lack
@@ -60,7 +61,7 @@ def lattice(
 @cache
 def full(pitch: tuple[float, float], pillar: bool, settings: HexSettings = COARSE) -> BlochCell:
     """The same mesh, whole and not reduced."""
-    boxes = panel_boxes(panel(pitch, pillar), THICK_M, PILLAR, settings)
+    boxes = panel_boxes(panel(pitch, pillar), STACK, PILLAR, settings)
 
     def whole(lines: np.ndarray) -> np.ndarray:
         return np.concatenate([-lines[:0:-1], lines])

@@ -27,6 +27,7 @@ from solvers.variation.cells import CellFamily, cell_family, nodes_of
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 5e-3, ALUMINIUM)
 THICK_M, TONE_HZ = 2e-3, 40e3
+STACK = Stack.of(THICK_M, MATERIALS["aluminium"])
 REDUCTION = ReductionSettings(Interface(3, 2), 450e3, HexSettings(2, 4e-3, 1, 0.25, 4e-3))
 SETTING = Reductions(Stack.of(THICK_M, ALUMINIUM), PILLAR, REDUCTION)
 MIDDLE = Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
@@ -43,7 +44,7 @@ def anew(panel: Panel, change_m: np.ndarray, setting: Reductions = SETTING) -> C
     pillar = replace(setting.pillar, base_m=side, tip_m=grown * setting.pillar.tip_m, height_m=height, more_m=more)
     assert panel.foot is not None
     whole = Panel(panel.low, panel.high, (panel.foot[0] + change_m[2], panel.foot[1] + change_m[3]), (), panel.free)
-    mesh = panel_mesh(whole, THICK_M, pillar, REDUCTION.hexahedra).mesh
+    mesh = panel_mesh(whole, STACK, pillar, REDUCTION.hexahedra).mesh
     scale = Scale.of(THICK_M, ALUMINIUM)
     system = assemble(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}, scale)
     return reduce_cell(system, REDUCTION.interface, REDUCTION.top_hz, (), panel.free)
@@ -174,7 +175,7 @@ def free_hz(stiffness: np.ndarray, mass: np.ndarray, scale: Scale) -> np.ndarray
 def test_a_moved_mesh_has_the_volume_and_the_place_of_the_changed_pillar(shape: str) -> None:
     pillar = SHAPES.get(shape, PILLAR)
     change = PillarChange(0.2e-3, 0.1e-3, 0.15e-3, -0.05e-3)
-    varied = VariedPanel(MIDDLE, THICK_M, pillar, REDUCTION.hexahedra, (0, 1))
+    varied = VariedPanel(MIDDLE, STACK, pillar, REDUCTION.hexahedra, (0, 1))
     still, moved = varied.still, varied.moved(change)
     grown = 1.0 + change.side_m / pillar.base_m
     for mesh in (still, moved):
@@ -192,7 +193,7 @@ def _volume(mesh: Mesh, region: str) -> float:
 
 
 def test_a_foot_flush_with_the_edge_stays_there_and_grows_inwards() -> None:
-    varied = VariedPanel(FLUSH, THICK_M, PILLAR, REDUCTION.hexahedra)
+    varied = VariedPanel(FLUSH, STACK, PILLAR, REDUCTION.hexahedra)
     still, moved = varied.still, varied.moved(PillarChange(0.0, 0.1e-3, 0.05e-3, 0.0))
     foot = moved.nodes[np.unique(moved.cells[moved.regions["pillar"]]), 0]
     assert moved.nodes[:, 0].max() == pytest.approx(still.nodes[:, 0].max()) == pytest.approx(1.5e-3)
@@ -210,7 +211,7 @@ def test_only_what_was_reached_is_interpolated(middle: CellFamily) -> None:
 
 
 def test_a_pillar_that_reaches_out_of_its_piece_and_one_that_cannot_grow_are_refused() -> None:
-    varied = VariedPanel(MIDDLE, THICK_M, PILLAR, REDUCTION.hexahedra, (0, 1))
+    varied = VariedPanel(MIDDLE, STACK, PILLAR, REDUCTION.hexahedra, (0, 1))
     for change, said in (
         (PillarChange(x_m=1.1e-3), "increase the pitch"),
         (PillarChange(height_m=-5e-3), "above 0"),
@@ -218,7 +219,7 @@ def test_a_pillar_that_reaches_out_of_its_piece_and_one_that_cannot_grow_are_ref
         with pytest.raises(MeshError, match=said):
             varied.moved(change)
     with pytest.raises(MeshError, match="begin at 0"):
-        unfolded(unfolded(boxes_of(panel_scene(MIDDLE, THICK_M, PILLAR, REDUCTION.hexahedra)), 0), 0)
+        unfolded(unfolded(boxes_of(panel_scene(MIDDLE, STACK, PILLAR, REDUCTION.hexahedra)), 0), 0)
     with pytest.raises(SolverError, match="without fillet or heavy tip"):
         cell_family(replace(SETTING, pillar=replace(PILLAR, fillet_m=0.2e-3)), MIDDLE, REACH_M)
 
