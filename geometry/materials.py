@@ -200,24 +200,24 @@ class Material:
         return np.asarray(np.array(self.stiffness_pa)[VOIGT[:, :, None, None], VOIGT])
 
     @cached_property
-    def _compliance(self) -> FloatArray:
-        """Shape (6, 6), 1/Pa."""
+    def compliance_pa(self) -> FloatArray:
+        """Inverse of the stiffness, shape (6, 6), 1/Pa."""
         return np.asarray(np.linalg.inv(np.array(self.stiffness_pa)))
 
     @cached_property
     def plane_stress_pa(self) -> FloatArray:
         """Plane-stress stiffness over xx, yy, xy, which governs bending, shape (3, 3), Pa."""
         flat = [0, 1, 5]
-        return np.asarray(np.linalg.inv(self._compliance[np.ix_(flat, flat)]))
+        return np.asarray(np.linalg.inv(self.compliance_pa[np.ix_(flat, flat)]))
 
     @property
     def transverse_shear_pa(self) -> tuple[float, float]:
         """Shear moduli through a plate, xz and yz, Pa."""
-        return 1.0 / float(self._compliance[4, 4]), 1.0 / float(self._compliance[3, 3])
+        return 1.0 / float(self.compliance_pa[4, 4]), 1.0 / float(self.compliance_pa[3, 3])
 
     def rod(self, axis: int) -> Rod:
         """Elastic constants of a rod along an axis, 0 to 2."""
-        s, others = self._compliance, [other for other in range(3) if other != axis]
+        s, others = self.compliance_pa, [other for other in range(3) if other != axis]
         poisson = -sum(s[axis, other] for other in others) / (2.0 * s[axis, axis])
         shear = 2.0 / sum(s[place, place] for place in VOIGT[axis, others])
         return Rod(1.0 / float(s[axis, axis]), float(poisson), float(shear))
@@ -246,7 +246,7 @@ def _about(axis: int, angle: float) -> FloatArray:
 
 def _cubic(law: Mapping[str, float]) -> FloatArray:
     """Stiffness of a cubic law along its axes, (6, 6)."""
-    c11, c12, c44 = (law[key] for key in ("C11", "C12", "C44"))
+    c11, c12, c44 = (float(law[key]) for key in ("C11", "C12", "C44"))  # a file may have whole numbers
     if not (c44 > 0.0 and c11 > abs(c12) and c11 + 2.0 * c12 > 0.0):
         raise GeometryError("cubic_GPa: C44 must be above 0, C12 between -C11/2 and C11, both excluded")
     c = np.diag([c11] * 3 + [c44] * 3)

@@ -247,9 +247,7 @@ def zone_solid(design: Design, mirrors: str = "") -> Body:
     Body
         The strip from z = 0 to the thickness.
     """
-    stack, blocks = design.stack, _blocks((design.length_m, design.width_m), design.stack, mirrors)
-    shape = _share_faces(blocks) if len(blocks) > 1 else blocks[0]
-    return Body(shape, stack.thickness_m, frozenset(stack.region_names[1:]), joints_m=stack.joints_m)
+    return _assemble(design, (design.length_m, design.width_m), (), mirrors)
 
 
 def cell_solid(design: Design, mirrors: str = "") -> Body:

@@ -477,10 +477,12 @@ def _put(raw: dict[str, Any], parts: list[str], value: Any) -> None:
 
 def _item(tables: list[Any], part: str, parts: list[str]) -> Any:
     """Return the table of a list by its number, from 0."""
-    if not part.isdigit() or int(part) >= len(tables) or not is_table(tables[int(part)]):
+    known = {str(number): table for number, table in enumerate(tables) if is_table(table)}
+    if part not in known:
         last = f"0 to {len(tables) - 1}" if len(tables) > 1 else "0"
-        raise InputError(f"--set {'.'.join(parts)}: {part} must be the number of one of its tables, {last}")
-    return tables[int(part)]
+        key, number = key_quoted(".".join(parts)), key_quoted(part)
+        raise InputError(f"--set {key}: {number} must be the number of one of its tables, {last}")
+    return known[part]
 
 
 def _material_table(name: str) -> dict[str, Any] | None:
@@ -559,7 +561,11 @@ def _read_material(
                 materials[owner] = Material.of_table("given", value)
             except GeometryError as error:
                 name, _, what = str(error).partition(": ")
-                diagnostics.add(f"{key}.{name}", value[name.partition(".")[0]], what)
+                law = next(law for law in LAWS if law in value)
+                named_by_law = (
+                    name.partition(".")[0] == law
+                )  # else it is the material's own check that rounding has failed
+                diagnostics.add(f"{key}.{name if named_by_law else law}", value[law], what)
     else:
         diagnostics.add(key, value, f"must be {MATERIAL_ALLOWED}")
 

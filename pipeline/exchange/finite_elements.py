@@ -208,7 +208,7 @@ def commands(part_mesh: Exchange, bounds: tuple[float, ...]) -> str:
 
 def _orthotropic(material: Material) -> dict[str, float]:
     """Return the nine constants of ELAS_ORTH: L, T, N along x, y, z, NU_LT = -e_T / e_L under a stress along L alone."""
-    s = np.linalg.inv(np.array(material.stiffness_pa))
+    s = material.compliance_pa
     names, pairs = ("L", "T", "N"), (("LT", 0, 1, 5), ("LN", 0, 2, 4), ("TN", 1, 2, 3))
     return (
         {f"E_{name}": float(1.0 / s[axis, axis]) for axis, name in enumerate(names)}

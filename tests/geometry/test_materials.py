@@ -180,6 +180,12 @@ def test_constants_of_no_solid_are_refused_by_name(law: dict[str, object], words
         Material.of_table("given", {"density_kg_m3": 1000.0, **law})
 
 
+def test_whole_numbers_are_constants_too() -> None:
+    whole, given = ({"C11": kind(166), "C12": kind(64), "C44": kind(80)} for kind in (int, float))
+    one, other = (Material.of_table("given", {"density_kg_m3": 2330, "cubic_GPa": each}) for each in (whole, given))
+    assert one == other and one.stiffness_pa[0][:2] == (166e9, 64e9)
+
+
 NINE = {
     "E1_GPa": 11.0, "E2_GPa": 0.9, "E3_GPa": 0.5, "nu12": 0.37, "nu13": 0.42, "nu23": 0.47,
     "G12_GPa": 0.75, "G13_GPa": 0.7, "G23_GPa": 0.06,

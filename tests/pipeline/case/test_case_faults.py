@@ -63,6 +63,7 @@ def lines_of(overrides: list[str], raw: dict | None = None) -> list[str]:
         ("material.C_GPa=[[1]]", "material.C_GPa = [[1]]: must be six rows of six numbers in GPa"),
         ("material.cubic_GPa={C11=160,C12=60,C44=80}", "cannot be combined with young_GPa: one law only"),
         ("material={density_kg_m3=2330,cubic_GPa={C11=160,C12=170,C44=80}}", "material.cubic_GPa = {C11 = 160, "),
+        ("material={density_kg_m3=2330,cubic_GPa={C11=1,C12=0.9999999999999999,C44=1}}", "material.cubic_GPa = {C11 = 1, "),
         ("material={density_kg_m3=2330,cubic_GPa={C11=160,C12=60,C44=80},poisson=0.3}", "must be left out with cubic_GPa"),
         ("material.axes_deg=[1,2,3]", "must be left out of an isotropic law, which has no axes"),
         ("material.axes_deg=[1,2]", "material.axes_deg = [1, 2]: must be three angles [phi, theta, psi]"),

@@ -78,6 +78,8 @@ PILLAR = {"pillar": {"side_mm": 2.0, "height_mm": 4.0}, "array": {"pitch_mm": 4.
         (LAYERS, ("plate.layer.1.thickness_mm=0.0015",), {}, "must be at least 0.0018"),
         (LAYERS, ("plate.layer.1.material=adhesive",), {}, 'plate.layer.1.material = "adhesive": must be one of'),
         (LAYERS, ("plate.layer.3.thickness_mm=1",), {}, "3 must be the number of one of its tables, 0 to 2"),
+        (LAYERS, ("plate.layer.\u00b2.thickness_mm=1",), {}, "must be the number of one of its tables, 0 to 2"),
+        (LAYERS, (f"plate.layer.{'9' * 5000}.thickness_mm=1",), {}, "must be the number of one of its tables, 0 to 2"),
         (LAYERS, ("plate.layer.1.thickness=1",), {}, "did you mean plate.layer.0.thickness_mm?"),
         ([{"thickness_mm": 1.0}], (), {}, "plate.layer.0.material: missing"),
         ([{"material": "glass"}], (), {}, "plate.layer.0.thickness_mm: missing"),
