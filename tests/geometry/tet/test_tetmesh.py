@@ -265,6 +265,27 @@ def test_a_mesh_with_a_few_nodes_off_a_curved_face_is_made_again(monkeypatch, of
     assert next(left, None) is None  # as many attempts as listed
 
 
+def round_stud(radius: float, height: float, sides: int = 24, levels: int = 6) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (mm) on the faces of a cylinder, and tetrahedra: prisms over fans and rings, each cut in three."""
+    angles = 2 * pi * np.arange(sides) / sides
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    disc = np.vstack([[[0.0, 0.0]], 0.5 * radius * ring, radius * ring])
+    i, j = np.arange(sides), (np.arange(sides) + 1) % sides
+    inner, outer = 1 + np.array([i, j]), 1 + sides + np.array([i, j])
+    triangles = np.hstack([[0 * i, *inner], [inner[0], outer[0], outer[1]], [inner[0], outer[1], inner[1]]]).T
+    layers = [np.column_stack([disc, np.full(len(disc), z)]) for z in np.linspace(0.0, height, levels + 1)]
+    a, b, c = np.sort(triangles, axis=1).T
+    up = len(disc)
+    prism = np.vstack(
+        [np.array([a, b, c, c + up]).T, np.array([a, b, b + up, c + up]).T, np.array([a, a + up, b + up, c + up]).T]
+    )
+    vertices, cells = np.vstack(layers), np.vstack([prism + up * level for level in range(levels)])
+    corners = vertices[cells]
+    inverted = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0
+    cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
+    return vertices, cells
+
+
 def test_nodes_that_stay_off_a_curved_face_are_counted(monkeypatch):
     """An element that has to keep straight edges: its middle nodes on the cylinder are off it."""
     body, own, straightened = solids.pillar_solid(design("round").pillar), mesher._bent_too_far, []
@@ -275,10 +296,12 @@ def test_nodes_that_stay_off_a_curved_face_are_counted(monkeypatch):
         straightened.append(np.flatnonzero(candidates)[:1])
         return straightened[0]
 
+    # the mesher is not deterministic, and one of its own meshes may have such an element already
+    monkeypatch.setattr(mesher, "tetrahedralize", lambda request: round_stud(1.0, 6.3))
     assert mesher._attempt(body, 1e-3, None, mesher.EPSILON_PER_EDGE)[0] == 0
     monkeypatch.setattr(mesher, "_bent_too_far", first)
     off, _ = mesher._attempt(body, 1e-3, None, mesher.EPSILON_PER_EDGE)
-    assert 1 <= off <= 6  # edges of one element
+    assert 1 <= off <= 3  # curved edges of one element
 
 
 def test_a_vertex_off_the_cad_is_refused(monkeypatch):
