@@ -11,6 +11,7 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, pairwise
+from threading import RLock
 from typing import Any, cast
 
 import numpy as np
@@ -28,6 +29,7 @@ SAME_VOLUME = 1e-6  # relative: two booleans of one solid agree to the kernel's 
 SAME_POINT_MM = 1e-7  # the kernel's own confusion distance
 SMOOTH = np.cos(np.radians(20.0))  # faces that meet at less have no edge a mesh of this coarseness could follow
 ALONG_AXIS = 1e-9  # a normal this close to an axis is that axis
+_KERNEL = RLock()  # CadQuery resolves an overload at its first call, which two threads at once get wrong
 ANGULAR_DEFLECTION = 0.6  # rad: a mesher needs the shape of a curve, not a smooth picture of it
 
 
@@ -226,9 +228,10 @@ def pillar_solid(pillar: Pillar) -> Body:
         If the shape or its fillet cannot be built, or the STEP file is not a pillar.
     """
     tips = _tips(PillarGroup(pillar, np.zeros((1, 2))), 0.0, "")
-    if not tips:
-        return Body(_pillar_shape(pillar), 0.0)
-    shape = _share_faces([_pillar_shape(pillar), *_solids(tips)])
+    with _KERNEL:
+        if not tips:
+            return Body(_pillar_shape(pillar), 0.0)
+        shape = _share_faces([_pillar_shape(pillar), *_solids(tips)])
     return Body(shape, 0.0, bonds=frozenset(["tip"]), tips=tips)
 
 
@@ -391,6 +394,11 @@ def cad_surface(shape: Any, deflection: float, angle: float = ANGULAR_DEFLECTION
 
 def _assemble(design: Design, size_m: tuple[float, float], stands: tuple[PillarGroup, ...], mirrors: str) -> Body:
     """Parts of the plate's material united, those of another one bonded to it."""
+    with _KERNEL:
+        return _united(design, size_m, stands, mirrors)
+
+
+def _united(design: Design, size_m: tuple[float, float], stands: tuple[PillarGroup, ...], mirrors: str) -> Body:
     pillars = [pillar for each in stands for pillar in _standing(each, design.thickness_m, mirrors)]
     tips = tuple(box for each in stands for box in _tips(each, design.thickness_m, mirrors))
     foreign = bool(pillars and design.pillar and design.pillar.material != design.stack.back)

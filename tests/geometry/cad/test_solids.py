@@ -1,5 +1,7 @@
 """CAD solids against volumes known in closed form, and STEP pillars that must be refused."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from math import pi
 
@@ -202,3 +204,31 @@ def test_rows_that_differ_stand_on_the_plate_with_their_own_sizes() -> None:
     exact = 36.0 * 2e3 * graded.half_span_m * 2.0 + 18 * (4.0 * 6.3 + 2.25 * 5.0)
     assert plate_solid(graded).volume_m3 == pytest.approx(exact * MM3, rel=KERNEL)
     assert plate_solid(graded, "xy").volume_m3 == pytest.approx(exact * MM3 / 4.0, rel=KERNEL)
+
+
+TOGETHER = """
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from threading import Barrier
+
+import cadquery
+
+from geometry.cad.solids import cell_solid
+from geometry.layout import Design, Pillar
+from geometry.materials import MATERIALS
+
+sys.setswitchinterval(1e-6)
+names = ["aluminium", "brass"] * 4
+pillars = [Pillar("square", 2e-3, 2e-3, 6e-3, MATERIALS[name]) for name in names]
+designs = [Design(10e-3, 6e-3, 2e-3, 1, MATERIALS["aluminium"], pillar, 4e-3, 4e-3, 1, 1e-3) for pillar in pillars]
+start = Barrier(len(designs))
+with ThreadPoolExecutor(len(designs)) as pool:
+    print(len(list(pool.map(lambda design: (start.wait(), cell_solid(design))[1].volume_m3, designs))))
+"""
+
+
+def test_several_threads_build_their_first_solids_at_once():
+    """In a process of its own: only the first call of each overload may meet another one."""
+    done = subprocess.run([sys.executable, "-c", TOGETHER], capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "8", done.stderr[-500:]
