@@ -282,6 +282,13 @@ class Design:
         return Stack(self.layers) if self.layers else Stack.of(self.thickness_m, self.material)
 
     @property
+    def materials(self) -> tuple[Material, ...]:
+        """Materials of plate, pillars and heavy tips, each once."""
+        tips = (pillar.tip.material for pillar in self.kinds if pillar.tip)
+        named = (*(layer.material for layer in self.stack.layers), *(pillar.material for pillar in self.kinds), *tips)
+        return tuple(dict.fromkeys(named))
+
+    @property
     def is_staggered(self) -> bool:
         """Whether rows are shifted relative to their neighbours."""
         return self.stagger and self.rows > 1

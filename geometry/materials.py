@@ -29,12 +29,14 @@ USUAL_C = 20.0  # temperature at which constants hold
 GPA = 1e9
 VACUUM_F_M = 8.8541878128e-12
 
-# Loss tangents of PZT-4 (0.004), PZT-5A and PZT-5H (0.02): low field, as makers' tables of the same grades have them.
+# Loss tangents of PZT-4 (0.004), PZT-5A and PZT-5H (0.02) at low field, and their mechanical quality factors (500, 75, 65):
+# as makers' tables of the same grades have them.
 JAFFE = "H. Jaffe, D. Berlincourt, Piezoelectric transducer materials, Proc. IEEE 53 (1965) 1372-1386"
 
 FERROPERM = (
     "Ferroperm Pz26 data sheet (full material data set); k31 0.33, k33 0.68, kp 0.57, kt 0.47 there too; "
-    "the loss tangent is that of its kind (hard, 0.002 to 0.005 in makers' tables), not read from its own sheet"
+    "loss tangent and mechanical quality factor are those of its kind (hard, 0.002 to 0.005 and about 1000 in makers' "
+    "tables), not read from its own sheet"
 )
 
 
@@ -155,6 +157,13 @@ class Material:
         stiffness = _rows_of(factor * np.array(self.stiffness_pa))
         own = self.constants and replace(self.constants, young_pa=factor * self.constants.young_pa)
         return replace(self, stiffness_pa=stiffness, constants=own)
+
+    @property
+    def lost(self) -> float:
+        """Its loss factor. GeometryError where it is not known."""
+        if self.loss_factor is None:
+            raise GeometryError(f"material {self.name}: its loss factor is not known")
+        return self.loss_factor
 
     @property
     def as_isotropic(self) -> Isotropic:
@@ -329,6 +338,7 @@ class PiezoMaterial:
     relative_33_free: float
     source: str
     loss_tangent: float | None = None  # of the dielectric at low field; None where it is not known
+    loss_factor: float | None = None  # of the stiffness, 1/Qm; None where it is not known
 
     @property
     def compliance_pa(self) -> FloatArray:
@@ -382,19 +392,19 @@ PIEZO_MATERIALS: dict[str, PiezoMaterial] = {
     for material in (
         PiezoMaterial(
             "pz26", 7700.0, 13.0e-12, -4.35e-12, -7.05e-12, 19.6e-12, 33.2e-12,
-            -128e-12, 328e-12, 327e-12, 1190.0, 1330.0, FERROPERM, 3e-3,
+            -128e-12, 328e-12, 327e-12, 1190.0, 1330.0, FERROPERM, 3e-3, 1e-3,
         ),
         PiezoMaterial(
             "pzt-4", 7500.0, 12.3e-12, -4.05e-12, -5.31e-12, 15.5e-12, 39.0e-12,
-            -123e-12, 289e-12, 496e-12, 1475.0, 1300.0, JAFFE, 4e-3,
+            -123e-12, 289e-12, 496e-12, 1475.0, 1300.0, JAFFE, 4e-3, 1 / 500,
         ),
         PiezoMaterial(
             "pzt-5a", 7750.0, 16.4e-12, -5.74e-12, -7.22e-12, 18.8e-12, 47.5e-12,
-            -171e-12, 374e-12, 584e-12, 1730.0, 1700.0, JAFFE, 2e-2,
+            -171e-12, 374e-12, 584e-12, 1730.0, 1700.0, JAFFE, 2e-2, 1 / 75,
         ),
         PiezoMaterial(
             "pzt-5h", 7500.0, 16.5e-12, -4.78e-12, -8.45e-12, 20.7e-12, 43.5e-12,
-            -274e-12, 593e-12, 741e-12, 3130.0, 3400.0, JAFFE, 2e-2,
+            -274e-12, 593e-12, 741e-12, 3130.0, 3400.0, JAFFE, 2e-2, 1 / 65,
         ),
     )
 }  # fmt: skip

@@ -43,7 +43,7 @@ def of_case(case: Case, log: Log) -> ModePlant:
     log.info(
         f"mode: {frequency(zone.frequency_hz)} (predesign), gain {TARGET_GAIN} (assumed); use --table for computed modes"
     )
-    return ModePlant.from_quality_factor(zone.frequency_hz, case.quality_factor, TARGET_GAIN)
+    return ModePlant.from_quality_factor(zone.frequency_hz, case.one_quality_factor("active dq"), TARGET_GAIN)
 
 
 def of_table(data: DqData, table: ModeTable, log: Log) -> DqData:

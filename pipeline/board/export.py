@@ -12,6 +12,7 @@ The eigenvalues mu are the modes with open sensors; near one, V_s/V = G/(1 + i t
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -89,7 +90,7 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
     d, s = forced.drivers, forced.sensors
     clamped = np.diag(forced.plate.capacitance_f[s]) / forced.plate.stiffness_unit + residual[np.ix_(s, s)]
     listened = np.linalg.solve(clamped, gain[:, s].T)  # E^-1 g_s', (sensors, modes)
-    system = np.diag(values * (1.0 + 1j * forced.loss)) + gain[:, s] @ listened
+    system = np.diag(values * (1.0 + 1j * forced.losses)) + gain[:, s] @ listened
     mu, vectors = np.linalg.eig(system)
     vectors = vectors / np.sqrt(np.sum(vectors**2, axis=0))  # x'x = 1: the system is complex symmetric
     pushed = gain[:, d] - listened.T @ residual[np.ix_(s, d)]
@@ -115,11 +116,16 @@ NEIGHBOURS = 6
 ABOUT = 0.2  # of the target mode's frequency: half-width of the table's band if the plate was solved for another
 
 
-def table_of(case: Case, frequencies_hz: list[float], target: int) -> ModeTable:
-    """Table of target mode and nearest neighbours, ascending; time constants from the quality factor, no gains."""
+def table_of(case: Case, frequencies_hz: list[float], qualities: Sequence[float | None], target: int) -> ModeTable:
+    """Table of target mode and nearest neighbours, ascending; time constants from the quality factor, no gains.
+
+    qualities: of each mode, where the case does not give one for all of them.
+    """
     kept = _nearest(frequencies_hz, target)
     modes = tuple(
-        Mode.from_quality_factor(frequencies_hz[i], case.quality_factor, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT)
+        Mode.from_quality_factor(
+            frequencies_hz[i], case.quality_factor or qualities[i] or np.inf, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT
+        )
         for i in kept
     )
     return ModeTable(SAMPLE_RATE_HZ, design_hash(case.to_dict()), modes, kept.index(target))
@@ -181,7 +187,8 @@ def write_table(
         if can_be_computed(case):
             return write_gains(case, folder, log, stem, near_hz=part_modes.rows[target].frequency_hz)
         log.info("mode table: no gains, since they need an actuator and a sensor patch; the board identifies them")
-    return write(table_of(case, [row.frequency_hz for row in part_modes.rows], target), folder, stem)
+    tones, qualities = ([getattr(row, name) for row in part_modes.rows] for name in ("frequency_hz", "quality_factor"))
+    return write(table_of(case, tones, qualities, target), folder, stem)
 
 
 def write_gains(
@@ -221,7 +228,8 @@ def write_patched(case: Case, forced: ForcedPlate, folder: Path, log: Log, stem:
     tone, resonances = driven_hz(plate), resonances_hz(plate)
     assert tone is not None
     target = int(np.argmin(np.abs(resonances - tone)))
-    return write(table_of(case, resonances.tolist(), target), folder, stem)
+    qualities = [1.0 / plate.loss_at(each) for each in resonances]
+    return write(table_of(case, resonances.tolist(), qualities, target), folder, stem)
 
 
 def _about_target(case: Case, forced: ForcedPlate, log: Log) -> ForcedPlate:

@@ -87,7 +87,8 @@ class MeasuredFiles:
 class Case:
     """One scene in SI, with defaults. Lengths of absent tables are NaN: call `require` first.
 
-    raw, overrides: the parsed file and its overrides, from which variants of the case are derived.
+    quality_factor: None if the loss is that of the materials. raw, overrides: the parsed file and its overrides, from which
+    variants of the case are derived.
     """
 
     name: str
@@ -95,7 +96,7 @@ class Case:
     design: Design
     solve: SolveTable
     bands: BandsTable
-    quality_factor: float
+    quality_factor: float | None
     patches: Patches | None
     given: frozenset[str]
     tolerance: ToleranceTable | None = None
@@ -103,6 +104,18 @@ class Case:
     touch: Touch | None = None
     raw: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     overrides: tuple[Override, ...] = field(default=(), repr=False, compare=False)
+
+    @property
+    def is_lossy(self) -> bool:
+        """Whether the materials give the loss."""
+        return self.quality_factor is None
+
+    def one_quality_factor(self, command: str) -> float:
+        """Return the quality factor. Raises InputError where the materials give the loss."""
+        if self.quality_factor is None:
+            what = f"must be a number: {command} supports a single quality factor only"
+            raise InputError(f'{self.source or self.name}: damping.quality = "materials": {what}')
+        return self.quality_factor
 
     @property
     def target_symmetry(self) -> str | None:
@@ -297,13 +310,14 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         patches, touch = read_patches(values, design), read_touch(values, design)
     values.diagnostics.stop()
     design = _design(values)
+    _check_losses(values, design, patches)
     return Case(
         name=values.name,
         source=source,
         design=design,
         solve=_solve(values.tables.solve),
         bands=_bands(values.tables.bands, design),
-        quality_factor=values.tables.damping.quality,
+        quality_factor=None if values.tables.damping.quality == "materials" else values.tables.damping.quality,
         patches=patches,
         given=values.given,
         tolerance=values.tables.tolerance if "tolerance" in values.tables.present else None,
@@ -444,6 +458,16 @@ def _design(values: Values) -> Design:
         layers=layers if len(layers) > 1 else (),
         **_zones(values),
     )
+
+
+def _check_losses(values: Values, design: Design, patches: Patches | None) -> None:
+    """Raise InputError for each material without the loss that the case takes from its materials."""
+    if values.tables.damping.quality != "materials":
+        return
+    ceramic = (patches.material,) if patches else ()
+    for name in dict.fromkeys(each.name for each in (*design.materials, *ceramic) if each.loss_factor is None):
+        values.diagnostics.add("damping.quality", "materials", f"material {name} has no loss_factor: give it one")
+    values.diagnostics.stop()
 
 
 def _layers(values: Values) -> tuple[Layer, ...]:

@@ -228,11 +228,10 @@ class BandsTable(Table):
 
 
 class DampingTable(Table):
-    quality: float = Field(
+    quality: Annotated[float, Field(gt=limits.QUALITY[0], le=limits.QUALITY[1])] | Literal["materials"] = Field(
         default=300.0,
-        gt=limits.QUALITY[0],
-        le=limits.QUALITY[1],
-        description=f"a number above 0.5 (at 0.5 nothing resonates), at most {limits.QUALITY[1]:g}",
+        description=f'a number above 0.5 (at 0.5 nothing resonates), at most {limits.QUALITY[1]:g}, or "materials" '
+        "(each material's own loss)",
     )
 
 
@@ -465,14 +464,14 @@ class BandPath(TypedDict, total=False):
 
 
 class Damping(TypedDict, total=False):
-    """Losses of the whole plate by its quality factor.
+    """Losses: the quality factor of all modes, or "materials" for each material's own loss factor.
 
     >>> from antinode import Damping
     >>> Damping(quality=300.0)["quality"]
     300.0
     """
 
-    quality: float
+    quality: float | Literal["materials"]
 
 
 class Patches(TypedDict, total=False):

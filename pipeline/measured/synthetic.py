@@ -68,7 +68,7 @@ def _field(case: Case, response: SolvedResponse, noise: float, random: np.random
 
 def tones(case: Case, peak_hz: float) -> FloatArray:
     """Evenly spaced frequencies around a peak, Hz."""
-    reach = REACH * peak_hz / case.quality_factor / 2.0
+    reach = REACH * peak_hz / case.one_quality_factor("--synthetic-data") / 2.0
     return np.linspace(peak_hz - reach, peak_hz + reach, TONES)
 
 

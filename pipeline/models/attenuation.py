@@ -116,7 +116,8 @@ def _staggered(case: Case, choice: ModelChoice, log: Log, high_hz: float) -> _Ce
     path = case.path(1)
     choice, row, (by_mesh, truncated) = sampled_cell(case, replace(choice, reduction=reduction), path, log)
     assert isinstance(row, Periodic)
-    return _Cells(choice.name, row, _coarser(row), Periodic(row.cells[1:] * 2, row.shift), by_mesh, truncated)
+    bare = [replace(row.cells[1], loss=None)] * 2  # waves to and from the rows are told apart by their power
+    return _Cells(choice.name, row, _coarser(row), Periodic(bare, row.shift), by_mesh, truncated)
 
 
 def _coarser(row: Periodic) -> Periodic:

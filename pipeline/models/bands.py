@@ -267,9 +267,9 @@ def solve_bands(
     return replace(bands, expected_error=largest(bands.by_mesh))
 
 
-def row_cell(design: Design, reduction: ReductionSettings) -> Periodic:
+def row_cell(design: Design, reduction: ReductionSettings, lossy: bool = False) -> Periodic:
     """Reduce the primitive cell of staggered rows: a panel with the pillar and a bare one, each half a pitch wide."""
-    reductions = Reductions(design.stack, design.pillar, reduction, CellCache())
+    reductions = Reductions(design.stack, design.pillar, reduction, CellCache(), lossy=lossy)
     return Periodic([reductions.cell(panel) for panel in row_panels(design)], shift=1)
 
 
@@ -289,7 +289,7 @@ def sampled_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple
         cell: SampledCell
         if choice.reduction:
             with log.step("reduce the panels of a row"):
-                cell = row_cell(design, choice.reduction)
+                cell = row_cell(design, choice.reduction, case.is_lossy)
         else:
             assert choice.hexahedra
             with log.step("assemble the cell and two coarser ones"):

@@ -53,7 +53,7 @@ def broadband(
     column, rows, bare, order = _model(design, accuracy or case.solve.accuracy, high, case.target_kx_per_m, log)
     tones = np.linspace(low, high, points)
     with log.step(f"{points} frequencies"), one_thread():
-        driven = column.driven(tones, case.quality_factor)
+        driven = column.driven(tones, case.one_quality_factor("broadband"))
         transmitted = [_through(rows, bare, float(tone)) for tone in tones]
         errors = _mode_bars(driven) if with_bars else np.full(len(driven.modes.frequency_hz), np.nan)
         widest = _widest(driven.modes.frequency_hz, errors, low, high)
@@ -103,6 +103,7 @@ def checked(case: Case) -> Design:
     """Return the design of a case whose rows stop a band; InputError like `broadband`."""
     case.require("plate", "zone", "pillar", "array.pitch_mm", "array.rows", command="broadband")
     case.require_plate(command="broadband")
+    case.one_quality_factor("broadband")
     design = case.design
     said = []
     if not design.rows:

@@ -392,7 +392,7 @@ def _quality(top: float, curve: Curve) -> FloatArray:
 def _curve(forced: ForcedPlate, tone: float) -> tuple[float, Curve]:
     """Peak near a frequency, Hz, and the response around it."""
     top = near_hz(forced, tone)
-    reach = DECAYED * top * forced.loss
+    reach = DECAYED * top * forced.loss_at(top)
     return top, curve_about(forced, top - reach, top + reach, AROUND_PEAK, [top])
 
 

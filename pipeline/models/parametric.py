@@ -243,6 +243,7 @@ def require_box(case: Case, box: DesignBox | None = None) -> DesignBox:
     if foot is None or said:
         raise InputError(said)
     case.require_one_kind("explore is")
+    case.one_quality_factor("explore")
     box = replace(box or DesignBox(), foot=foot, lattice=lattice_of(design))
     widest = (box.narrow * box.high[PITCH] - 2.0 * box.clearance_m) / foot.widest
     thickness, height, side, pitch = box.high

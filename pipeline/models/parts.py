@@ -36,6 +36,7 @@ from solvers.accuracy.mesh import (
     rim_shares,
 )
 from solvers.errors import CountMismatch, SolverError
+from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil, modes_near
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
@@ -52,6 +53,11 @@ class PartModel(Protocol):
     name: str
     symmetries: tuple[str | None, ...]
 
+    @property
+    def scale(self) -> Scale:
+        """Units of the pencils."""
+        ...
+
     def pencil(self, symmetry: str | None) -> PlainPencil:
         """K and M of a class."""
         ...
@@ -62,6 +68,10 @@ class PartModel(Protocol):
 
     def pillar_share(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
         """Pillars' share of the kinetic energy."""
+        ...
+
+    def lost(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
+        """Loss between motions."""
         ...
 
     def skin(self, symmetry: str | None, vectors: FloatArray) -> Skin:
@@ -86,7 +96,7 @@ def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -
     """Build the model of a given choice."""
     design, part = case.design, choice.part
     if choice.reduction:
-        return _assembled(design, choice, log)
+        return _assembled(design, choice, log, case.is_lossy)
     if choice.edge_m:
         from geometry.tet import scenes
 
@@ -176,7 +186,7 @@ def foot_shares(design: Design, mesh: HexSettings) -> ErrorFractions:
     )
 
 
-def _assembled(design: Design, choice: ModelChoice, log: Log) -> PlateModel:
+def _assembled(design: Design, choice: ModelChoice, log: Log, lossy: bool) -> PlateModel:
     assert choice.reduction
     reductions = Reductions(
         design.stack,
@@ -184,6 +194,7 @@ def _assembled(design: Design, choice: ModelChoice, log: Log) -> PlateModel:
         choice.reduction,
         CellCache(),
         *panel_mesher(design, choice, log),
+        lossy=lossy,
     )
     with log.step("reduce cells"):
         model = PlateModel(design, reductions, resource_estimate.of_panels(design, choice, choice.reduction))

@@ -55,6 +55,7 @@ def solve(
     case: Case, given: ToleranceTable, choice: ModelChoice, band_hz: tuple[float, float], log: Log
 ) -> VariedPlates:
     """Compute the samples of a tolerance over a band; InputError for a model that cannot be varied."""
+    quality_factor = case.one_quality_factor("tolerance")
     plate = _varied(case, given, choice, band_hz, log)
     count = len(plate.pillars)
     changes = Deviations(given.height_m, given.side_m, given.position_m).draw(count, given.samples, given.seed)
@@ -74,7 +75,9 @@ def solve(
         interpolated, reduced = (_measured(one) for one in plate.checked())
     off = _apart(interpolated, reduced)
     curves = np.array([first, *more])
-    return VariedPlates(count, plate.space.size, nominal, samples, space_check, off, shown, curves, plate.forced.loss)
+    return VariedPlates(
+        count, plate.space.size, nominal, samples, space_check, off, shown, curves, 1.0 / quality_factor
+    )
 
 
 def _elsewhere(case: Case, band: tuple[float, float], target_hz: float | None) -> str:
@@ -131,7 +134,9 @@ def _varied(case: Case, given: ToleranceTable, choice: ModelChoice, band: tuple[
         pressed = PressedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, design, model.name)
         with log.step("modes of the plate"):
             window = mesh_rules.search_window_hz(design)
-            forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality_factor), target_window_hz=window)
+            forced = ForcedPlate(
+                pressed, design, Drive((0,), (), band, case.one_quality_factor("tolerance")), target_window_hz=window
+            )
     with log.step("build the space of the samples"):
         plate = VariedPlate(forced, reductions.families)
     log.info(
@@ -146,7 +151,7 @@ def _measured(sample: ChangedPlate) -> SampleRecord:
     if tone is None:
         return SampleRecord(peak_hz=None, zone_rms=None, confinement_db=None, quality_factor=None, tracking=tracking)
     top = near_hz(sample, tone)
-    reach = DECAYED * top * sample.loss
+    reach = DECAYED * top * sample.loss_at(top)
     curve = curve_about(sample, top - reach, top + reach, AROUND_PEAK, [top])
     peak = peak_of(curve, top)
     return SampleRecord.of(peak, peak_hz=peak.frequency_hz, tracking=tracking)

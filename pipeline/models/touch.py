@@ -196,7 +196,7 @@ def contacts_at(places: Places, numbers: IntArray) -> Contacts:
         plate.scale.eigenvalue(places.frequency_hz),
         gains=(places.gains[:, loads] * scaled).swapaxes(0, 1),
         value=np.concatenate([basis.eigenvalue for basis in touched.free.all_modes]),
-        loss=touched.loss,
+        loss=np.concatenate([basis.loss for basis in touched.free.all_modes]),
         unit=plate.stiffness_unit,
         capacitance_f=plate.capacitance_f,
         drivers=touched.drivers,
@@ -479,6 +479,6 @@ def _about(session: Session) -> dict[str, Any]:
         "impedance_N_s_m": touch.tip.impedance_n_s_m(session.peak_hz, finger.area_m2),
         "force_N": touch.force_n,
         "gap_m": touch.gap_m,
-        "quality_factor_given": session.case.quality_factor,
+        "quality_factor_given": 1.0 / session.touched.loss,
         "unknown": list(session.unknown),
     }

@@ -154,7 +154,7 @@ class _Spots:
         fed, pairs = other.volts(at), zip(free.modes, other.modes, self.rows, strict=True)
         along = np.sum(
             [
-                (driven.each.of_columns(own, row) if driven.each else row) @ basis.amplitudes(at, other.loss, fed)
+                (driven.each.of_columns(own, row) if driven.each else row) @ basis.amplitudes(at, fed)
                 for own, basis, row in pairs
             ],
             axis=0,

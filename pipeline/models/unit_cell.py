@@ -98,14 +98,14 @@ def lattice_model(
     finer: refine the mesh if its error exceeds the accuracy; high_hz: highest frequency needed in addition to the bands.
     """
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
-    reduce = _reducer(choice, case.design, log, meshes)
+    reduce = _reducer(choice, case, log, meshes)
     reduction, lattice, bar, error, beyond = _good_enough(reduce, reduction, corners, case, log, CLEAR * high_hz)
     choice = replace(choice, reduction=reduction, hexahedra=reduction.hexahedra)
 
     def on_mesh(choice: ModelChoice) -> tuple[ReducedLattice, Bar]:
         assert choice.reduction
         own: list[MeshRecord] = []
-        lattice = ReducedLattice(_reducer(choice, case.design, log, own)(choice.reduction))
+        lattice = ReducedLattice(_reducer(choice, case, log, own)(choice.reduction))
         meshes[:] = own  # replaces the first mesh once this one is solved
         return lattice, widest_bar(lattice, _solved(lattice, corners, case), case.bands.count, beyond)
 
@@ -142,16 +142,17 @@ def truncated_bars(lattice: ReducedLattice, waves: Sequence[Waves], count: int, 
     return modes + truncation_bars(last, further_degrees([parts[:, :count] for _, parts in estimates])) + beyond
 
 
-def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRecord]) -> Reduce:
+def _reducer(choice: ModelChoice, case: Case, log: Log, meshes: list[MeshRecord]) -> Reduce:
     """Return the function that reduces the cell on the mesh of a choice; the record of tetrahedra is added to `meshes`."""
+    design = case.design
     mesh, halved = tet_cell(design, choice.edge_m, log) if choice.edge_m else (None, ())
     panel = replace(lattice_panel(design), halved=halved) if mesh else lattice_panel(design)
     if mesh:
         meshes.append(mesh_record("cell", mesh))
 
     def reduce(reduction: ReductionSettings) -> Cell:
-        own = (None, lambda _: mesh) if mesh else (CellCache(), None)
-        reductions = Reductions(design.stack, design.pillar, reduction, *own)
+        cache, mesher = (None, lambda _: mesh) if mesh else (CellCache(), None)
+        reductions = Reductions(design.stack, design.pillar, reduction, cache, mesher, lossy=case.is_lossy)
         with log.step("reduce the cell"):
             cell = reductions.cell(panel)
         source = "reduced" if reductions.fresh else "loaded from the cache"

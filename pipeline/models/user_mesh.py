@@ -19,7 +19,7 @@ from pipeline.case.model import Case
 from pipeline.case.reading import nearest
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models.modes import DEFAULT_COUNT, PartModes, Request, with_defaults
+from pipeline.models.modes import DEFAULT_COUNT, PartModes, Request, with_defaults, with_quality
 from pipeline.models.parts import mesh_record, warn_of_locking
 from pipeline.models.target import ModeRow, look_among, mode_rows
 from pipeline.quantity import MM
@@ -82,7 +82,7 @@ def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
     target = look_among(rows, count) if _has_touch(case, mesh) else None
     vectors: dict[str | None, FloatArray] = {None: solution.vectors}
     about = (pencil.dof, solution.rigid_count, count, [mesh_record("own mesh", mesh)])
-    return PartModes("mesh", model, rows, vectors, *about, target=target, more_in_mesh=0)
+    return with_quality(case, PartModes("mesh", model, rows, vectors, *about, target=target, more_in_mesh=0))
 
 
 def _check_bodies(read: MeshFile, own: UserMesh) -> None:

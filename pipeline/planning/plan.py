@@ -153,9 +153,11 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
         "band_hz": [low, high],
         "frequencies": points,
         "patches": patches.count,
-        "quality_factor": case.quality_factor,
+        "quality_factor": case.quality_factor or "materials",
     }
     demand = driven_demand.of_response(case, choice, (low, high), points)
+    if given := simplifications.material_loss(case.design, case.quality_factor):
+        choice = replace(choice, left_out=(*choice.left_out, given))
     if not choice.quarter:
         return step_of("response", "forced response", choice, ("whole",), looks, choice.left_out, numbers, demand)
     undriven = simplifications.undriven_classes(patches)

@@ -153,6 +153,14 @@ def no_response() -> Simplification:
     return Simplification("no_response", "damping", "no response is requested")
 
 
+def material_loss(design: Design, quality: float | None) -> Simplification | None:
+    """Leave out the loss factors of the materials where one quality factor stands for all losses."""
+    if quality is None or all(material.loss_factor is None for material in design.materials):
+        return None
+    why = f"damping.quality = {quality:g} stands for all losses"
+    return Simplification("material_loss", "loss factors of the materials", why)
+
+
 def no_plate_modes() -> Simplification:
     """Leave out the finite plate's modes."""
     return Simplification("no_plate_modes", "modes of the plate", "no measure needs them")

@@ -173,7 +173,7 @@ class ActiveMason(
         data = replace(
             data,
             target_hz=KHZ * self.frequency_kHz if self.frequency_kHz else data.target_hz,
-            quality_factor=self.quality_factor or (case.quality_factor if case else data.quality_factor),
+            quality_factor=self.quality_factor or (case.one_quality_factor("active") if case else data.quality_factor),
             material=case.design.stack.material if case else data.material,
         )
         with asked("mason"):
@@ -313,7 +313,7 @@ class ActivePillar(
         assert case.design.pillar is not None
         clamped = float(pillar_frequencies_hz(case.design.pillar, "timoshenko")[0])
         band = hz(self.band_kHz) or (0.5 * clamped, 1.5 * clamped)
-        loss = 1.0 / (self.quality_factor or (case.quality_factor if "damping" in case.given else inf))
+        loss = 1.0 / (self.quality_factor or (case.one_quality_factor("active") if "damping" in case.given else inf))
         with asked("pillar"):
             row, point = pillar_filter(case.design, np.linspace(*band, 801), loss), point_force()
         cell = _computed_cell(case, run, band) if self.cell else None
@@ -456,7 +456,7 @@ class ActiveBeam(
             data,
             frequencies_hz=tuple(KHZ * each for each in self.frequency_kHz) or data.frequencies_hz,
             gains_n_m=self.gain_N_per_m or data.gains_n_m,
-            quality_factor=self.quality_factor or (case.quality_factor if case else data.quality_factor),
+            quality_factor=self.quality_factor or (case.one_quality_factor("active") if case else data.quality_factor),
             delays_s=self.delay_s or data.delays_s,
         )
         with asked("beam"):

@@ -119,7 +119,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     target_hz: float | None = column(
         "frequency of the target mode, all patches short; None without one", "Hz", error="target_error"
     )
-    quality_factor_given: float = column("quality factor that the case gives")
+    quality_factor_given: float = column("quality factor that the case, or the loss of its materials, gives the mode")
     expected_error: float | None = column(
         "largest error bar of a frequency in the band, relative; None without an estimate"
     )
@@ -165,7 +165,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         zone_error, passive_error = [None, None] if bars is None else [*bars.tolist(), None][:2]
         first = curve.sensor_v_per_v[:, 0] if patches.sensors else None
         target = _peak(own, forced) if own else None
-        same = target if own and solved.highest.is_at(own.frequency_hz, forced.loss) else None
+        same = target if own and solved.highest.is_at(own.frequency_hz, forced.loss_at(own.frequency_hz)) else None
         circuit = {name: getattr(shift, name, None) for name in ("short_hz", "open_hz", "coupling")}
         return cls(
             model=f"{forced.plate.name} with {patches.count} patches",
@@ -180,7 +180,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
             polarisation_signs=[int(sign) for sign in forced.signs],
             target_hz=target_hz,
             target_error=frequency_error(forced, target_hz) if target_hz else None,
-            quality_factor_given=case.quality_factor,
+            quality_factor_given=1.0 / forced.loss_at((own or solved.highest).frequency_hz),
             expected_error=solved.expected_error,
             circuit={"drivers": forced.circuit, **circuit},
             target_status=forced.verdict.status,
@@ -523,5 +523,5 @@ def _report(result: ResponseResult, solved: SolvedResponse, case: Case, run: Run
     if quality and abs(quality / given - 1.0) > SHARED:
         run.warning(
             "SHARED_PEAK",
-            f"the peak's width implies a quality factor of {in_digits(quality)}, but the case gives {given:g}: modes overlap",
+            f"the peak's width implies a quality factor of {in_digits(quality)}, but its mode has {given:g}: modes overlap",
         )

@@ -31,7 +31,9 @@ class TouchResult(Result, table="states", axes=("state",)):
     impedance_N_s_m: list[float] = column("impedance at the target mode, real and imaginary", "N s/m")
     force_N: float | None = column("normal force of the finger; None if not given", "N")
     gap_m: list[float] | None = column("smallest and largest air gap; None if not given", "m")
-    quality_factor_given: float = column("quality factor given in the case")
+    quality_factor_given: float = column(
+        "quality factor of the free plate that the case, or the loss of its materials, gives"
+    )
     mode: LoadedModeRecord | None = column("target mode under the finger; None if none is left")
     states: list[TouchStateRecord] = column("one entry per way of driving; impossible ones are omitted")
     loop: LoopRecord | None = column("drive of the closed loop; None without a sensor")

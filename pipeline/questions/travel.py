@@ -262,6 +262,7 @@ class Travel(
             said.append(f"patches.sensors: {what}; two or more must drive and one or more must be sensors")
         if said:
             raise InputError(f"{case.source or case.name}: {text}" for text in said)
+        case.one_quality_factor("travelling")
 
     def plan(self, case: Case) -> Plan:
         step, lines = plans.response_step(case, hz(self.band_kHz), 1), case.design.nodal_lines

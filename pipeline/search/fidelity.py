@@ -106,7 +106,9 @@ def by_strip(case: Case, softness: float) -> FidelityResult:
         alone = _of_profile(STRIP, solved.frequency_hz, solved.confinement)
         if design.zones == 1 or alone.frequency_hz is None:
             return alone
-        return _of_zones(alone, strip_zones(design, *_about(alone.frequency_hz), case.quality_factor, softness), design)
+        return _of_zones(
+            alone, strip_zones(design, *_about(alone.frequency_hz), case.one_quality_factor("search"), softness), design
+        )
     except SolverError as error:
         return FidelityResult(fidelity=STRIP, why_not=str(error))
 
@@ -174,7 +176,7 @@ def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResu
     if design.zones == 1 or alone.frequency_hz is None:
         return alone
     both = Column(design, reductions, kx)
-    return _of_zones(alone, both.zones(*_about(alone.frequency_hz), case.quality_factor), design)
+    return _of_zones(alone, both.zones(*_about(alone.frequency_hz), case.one_quality_factor("search")), design)
 
 
 def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> FidelityResult:

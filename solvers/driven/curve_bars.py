@@ -327,7 +327,7 @@ class Motions:
     drivers, volts (t, d): those of each driver, and the drivers' voltages if d = 1 stands for all together.
     """
 
-    lossy: complex
+    lossy: ComplexArray
     answers: ComplexArray
     rest_only: ComplexArray
     moved: ComplexArray
@@ -349,12 +349,14 @@ class Motions:
 
     def softened(self, change: FloatArray) -> ComplexArray:
         """Outputs with the stiffness of each mode changed by (t, n, s): (t, n, s, m), as fed."""
-        return self._forced(softened_rows(np.asarray(self.lossy * change), self.own, self.modal)[..., 0])
+        return self._forced(softened_rows(np.asarray(self.lossy[:, None] * change), self.own, self.modal)[..., 0])
 
     def coupled(self, mode: IntArray, change: FloatArray) -> ComplexArray:
         """Outputs with one mode per place (t,) coupled to each other one by a stiffness (t, n, s), 0 to itself."""
         at = np.arange(len(mode))
-        rows = coupled_rows(np.asarray(self.lossy * change), self.own, self.modal, mode, self.within[at, mode])[..., 0]
+        rows = coupled_rows(
+            np.asarray(self.lossy[:, None] * change), self.own, self.modal, mode, self.within[at, mode]
+        )[..., 0]
         first = rows[..., 0][..., None] * self.moved[at, :, mode][:, None, None]
         return self._forced(rows[..., 1]) + first
 
@@ -392,7 +394,7 @@ class Contacts:
     beyond: ComplexArray
     gains: FloatArray
     value: FloatArray
-    loss: float
+    loss: FloatArray
     unit: float
     capacitance_f: FloatArray
     drivers: list[int]
@@ -448,7 +450,7 @@ class Contacts:
         more = self.beyond @ every
         within = flexible[:, None] * (np.eye(len(flexible)) + self.gains[:, :, loose] @ forced)
         return Motions(
-            1.0 + 1j * self.loss,
+            np.asarray(1.0 + 1j * self.loss),
             outputs(given, loads),
             outputs(more, answer(more)),
             outputs(by_mode, forced),

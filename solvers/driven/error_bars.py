@@ -428,10 +428,12 @@ def width_rates(forced: ForcedPlate, peak_hz: float, half_hz: tuple[float, float
     at = np.array([forced.plate.scale.eigenvalue(tone) for tone in tones])
     square, adjoint, amplitude = _adjoint(forced, at)
     weights = _weights(np.log(square), peak_hz, width, step) / square
-    flexible = [basis.flexibility(at, forced.loss) for basis in forced.modes]
-    pairs = zip(adjoint, flexible, amplitude, strict=True)
-    turned = -2.0 * (1.0 + 1j * forced.loss)
-    rates = [((turned * weights[:, None] * left * mobile).T @ right).real for left, mobile, right in pairs]
+    flexible = [basis.flexibility(at) for basis in forced.modes]
+    pairs = zip(forced.modes, adjoint, flexible, amplitude, strict=True)
+    rates = [
+        ((-2.0 * (1.0 + 1j * basis.loss) * weights[:, None] * left * mobile).T @ right).real
+        for basis, left, mobile, right in pairs
+    ]
     return WidthRates(forced.modes, rates, [np.abs(each).max(axis=0) for each in flexible])
 
 
@@ -449,7 +451,7 @@ def _weights(level: FloatArray, peak_hz: float, width: float, step: float) -> Fl
 def _adjoint(forced: ForcedPlate, at: FloatArray) -> tuple[FloatArray, list[ComplexArray], list[ComplexArray]]:
     """The zone's square (n,) at eigenvalues (n,), and group by group s and the modes' amplitudes, (n, modes) each."""
     volts, opened = forced.volts_over(at), open_patches(forced)
-    columns = [basis.amplitudes(at, forced.loss, volts) for basis in forced.modes]
+    columns = [basis.amplitudes(at, volts) for basis in forced.modes]
     heavy: list[ComplexArray] = [
         np.asarray(np.conj(each) @ gram[0]) for each, gram in zip(columns, forced.grams, strict=True)
     ]
@@ -471,8 +473,8 @@ def _per_charge(forced: ForcedPlate, at: FloatArray, heavy: list[ComplexArray], 
     per_volt = np.zeros((len(at), count), dtype=complex)
     moved = np.zeros((len(at), len(opened), len(opened)), dtype=complex)
     for basis, left in zip(forced.modes, heavy, strict=True):
-        answers = basis.amplitudes(at, forced.loss, units)
+        answers = basis.amplitudes(at, units)
         per_volt += np.einsum("nc,pnc->np", left, answers)
-        moved += basis.receptance(at, forced.loss)[:, opened][:, :, opened]
+        moved += basis.receptance(at)[:, opened][:, :, opened]
     clamped = unit * moved + np.diag(forced.plate.capacitance_f[opened])
     return np.asarray(unit * np.linalg.solve(clamped.swapaxes(1, 2), per_volt[:, opened, None])[..., 0])

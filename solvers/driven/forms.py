@@ -101,7 +101,7 @@ def _sensor_charges(plate: ForcedPlate, eigenvalue: float | FloatArray) -> tuple
     sensors (..., sensors, sensors).
     """
     left = plate.sensors
-    moved = np.sum([basis.receptance(eigenvalue, plate.loss)[..., left, :] for basis in plate.modes], axis=0)
+    moved = np.sum([basis.receptance(eigenvalue)[..., left, :] for basis in plate.modes], axis=0)
     return moved, moved[..., left] + np.diag(plate.plate.capacitance_f[left]) / plate.plate.stiffness_unit
 
 
@@ -130,7 +130,7 @@ class Forms:
 
     grams: FloatArray
     places: IntArray
-    lossy: complex
+    lossy: ComplexArray
     answers: ComplexArray
     flexible: ComplexArray
     charged: ComplexArray
@@ -178,7 +178,7 @@ class Forms:
 
     def softened(self, change: FloatArray) -> ComplexArray:
         """S with the stiffness of each mode changed by (t, n, s): (k, t, n, s, d, d)."""
-        return self._forced(softened_rows(np.asarray(self.lossy * change), self.own, self.modal))
+        return self._forced(softened_rows(np.asarray(self.lossy[:, None] * change), self.own, self.modal))
 
     def forced(self, rows: ComplexArray) -> ComplexArray:
         """S with a further force on each mode, (t, n, s, drivers) per volt: (k, t, n, s, d, d)."""
@@ -207,7 +207,7 @@ class Forms:
     def coupled(self, mode: IntArray, change: FloatArray) -> ComplexArray:
         """S with one mode per tone (t,) coupled to each other by a stiffness (t, n, s), 0 to itself: (k, t, n, s, d, d)."""
         at = np.arange(len(mode))
-        rows = coupled_rows(np.asarray(self.lossy * change), self.own, self.modal, mode, self._between(mode))
+        rows = coupled_rows(np.asarray(self.lossy[:, None] * change), self.own, self.modal, mode, self._between(mode))
         beside = [np.broadcast_to(self.beside[:, at, mode][:, :, None], self.beside.shape), self.beside]
         return self._with(np.stack(beside, -2), rows, self._pairs(mode))
 
@@ -278,10 +278,10 @@ def forms(forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray) -> F
     return Forms(
         grams,
         np.concatenate(places),
-        1.0 + 1j * forced.loss,
-        _answers(forced.modes, at, forced.loss, unit_volts(forced, at)),
-        np.concatenate([basis.flexibility(at, forced.loss) for basis in forced.modes], axis=-1),
-        _answers(forced.modes, at, forced.loss, charges),
+        np.asarray(1.0 + 1j * forced.losses),
+        _answers(forced.modes, at, unit_volts(forced, at)),
+        np.concatenate([basis.flexibility(at) for basis in forced.modes], axis=-1),
+        _answers(forced.modes, at, charges),
         np.concatenate([basis.gain[:, opened] for basis in forced.modes]),
     )
 
@@ -358,10 +358,10 @@ def face_grams(forced: ForcedPlate) -> FloatArray:
     return np.array([gram / area for gram, area in zip(grams, forced.areas_m2, strict=True) if area])
 
 
-def _answers(modes: list[GroupModes], at: FloatArray, loss: float, volts: ComplexArray) -> ComplexArray:
+def _answers(modes: list[GroupModes], at: FloatArray, volts: ComplexArray) -> ComplexArray:
     """Coefficients (t, columns, n) per voltages (t, patches, n)."""
     one = volts.transpose(2, 0, 1)
-    return np.concatenate([basis.amplitudes(at, loss, one) for basis in modes], axis=-1).transpose(1, 2, 0)
+    return np.concatenate([basis.amplitudes(at, one) for basis in modes], axis=-1).transpose(1, 2, 0)
 
 
 def _adjoint(values: ComplexArray) -> ComplexArray:

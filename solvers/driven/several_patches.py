@@ -58,7 +58,7 @@ class Zones:
         plate = self.forced.driven_by(np.asarray(volts, dtype=complex))
         at = plate.plate.scale.eigenvalue(frequency_hz)
         fed = plate.volts_over(at)
-        return np.concatenate([basis.amplitudes(at, plate.loss, fed) for basis in plate.modes], axis=1).T
+        return np.concatenate([basis.amplitudes(at, fed) for basis in plate.modes], axis=1).T
 
     @property
     def has_passive(self) -> bool:
@@ -69,7 +69,10 @@ class Zones:
         """Frequency of the zone's largest motion within the band, Hz."""
         forced = self.forced
         return peak_hz(
-            lambda tones: self.rms(volts, tones)[:, zone], resonances_hz(forced), forced.band_hz, forced.loss
+            lambda tones: self.rms(volts, tones)[:, zone],
+            resonances_hz(forced),
+            forced.band_hz,
+            forced.loss_at(sum(forced.band_hz) / 2.0),
         )
 
 
@@ -255,12 +258,13 @@ def power_flow(forced: ForcedPlate, frequency_hz: float) -> PowerFlow:
         raise SolverError("a power flow along the plate needs patches that drive it")
     eigenvalue, omega = plate.scale.eigenvalue(frequency_hz), 2.0 * pi * frequency_hz
     volts = forced.volts(eigenvalue)
-    charge = np.sum([basis.receptance(eigenvalue, forced.loss) for basis in forced.modes], axis=0) @ volts
+    charge = np.sum([basis.receptance(eigenvalue) for basis in forced.modes], axis=0) @ volts
     current = 1j * omega * (charge * plate.stiffness_unit + plate.capacitance_f * volts)
     given = 0.5 * (volts.conj() * current).real
-    motions = [_modal(basis, eigenvalue, forced.loss, volts) for basis in forced.modes]
+    motions = [_modal(basis, eigenvalue, volts) for basis in forced.modes]
     x, energy = _panels(forced, motions)
-    lost = 0.5 * omega * forced.loss * plate.stiffness_unit * np.concatenate([energy, _on_patches(forced, motions)])
+    loss = forced.loss_at(frequency_hz)
+    lost = 0.5 * omega * loss * plate.stiffness_unit * np.concatenate([energy, _on_patches(forced, motions)])
     spans = np.array([(patch.points[:, 0].min(), patch.points[:, 0].max()) for patch in plate.patches])
     places = np.concatenate([x, spans.mean(axis=1)])
     edges = np.unique(np.round(forced.modes[0].group.plates[0].tiling.x, 12))
@@ -270,10 +274,10 @@ def power_flow(forced: ForcedPlate, frequency_hz: float) -> PowerFlow:
     return PowerFlow(given, sections, np.array(flow), float(lost.sum()))
 
 
-def _modal(basis: GroupModes, eigenvalue: float, loss: float, volts: ComplexArray) -> list[Any]:
+def _modal(basis: GroupModes, eigenvalue: float, volts: ComplexArray) -> list[Any]:
     """The damped part of the motion, with the strain energy of the modes that are solved, class by class of the group."""
     count = len(basis.frequency_hz)
-    amplitudes = basis.amplitudes(eigenvalue, loss, volts)[:count]
+    amplitudes = basis.amplitudes(eigenvalue, volts)[:count]
     modes = basis.columns[:, :count]
     motion: Any = modes @ (_as_stiff(basis, modes) @ amplitudes)
     return list(basis.group.split(motion))
@@ -383,11 +387,11 @@ def plate_table(
     heard = np.linalg.solve(clamped, gain[:, s].T)  # -V_s per modal coordinate, (sensors, modes)
     at_once = np.linalg.solve(clamped, residual[np.ix_(s, d)])  # -V_s per volt of a driver
     mu, vectors = np.linalg.eigh(np.diag(values) + gain[:, s] @ heard)
-    elastic = np.einsum("rm,r,rm->m", vectors, values, vectors)
+    dissipated = np.einsum("rm,r,rm->m", vectors, values * forced.losses, vectors)
     size = 1.0 / np.sqrt(scale.mass_kg)  # of a mode of 1 kg
     return ModalTable(
         frequencies_hz=np.asarray(scale.frequency(mu)),
-        quality_factor=np.asarray(mu / (elastic * forced.loss)),
+        quality_factor=np.asarray(mu / dissipated),
         actuators=vectors.T @ (gain[:, d] - heard.T @ residual[np.ix_(s, d)]) * scale.angular**2 / size,
         sensors=-(vectors.T @ heard.T) * size,
         field=vectors.T @ (moves - beyond[:, s] @ heard).T * size,

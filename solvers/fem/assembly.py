@@ -58,7 +58,8 @@ class Scale:
 class System:
     """Scaled stiffness K (3n, 3n) with degrees of freedom (node, axis), and the scalar mass m (n, n): M = m (x) I3.
 
-    density (e,) is per element, in units of the scale.
+    density (e,) is per element, in units of the scale. loss: the stiffness with each material's part times its loss factor,
+    or the loss factor that all of them have; None where it was not asked for.
     """
 
     stiffness: sp.csr_array
@@ -66,6 +67,7 @@ class System:
     scale: Scale
     mesh: AnyMesh
     density: FloatArray
+    loss: sp.csr_array | float | None = None
 
     def region_mass(self, *regions: str) -> sp.csr_array | None:
         """Scalar mass of some regions alone; None when the mesh has none of them."""
@@ -96,7 +98,7 @@ def on_components(scalar: sp.csr_array | sp.csc_array, shapes: FloatArray) -> Fl
     return np.asarray(scalar @ flat).reshape(3 * scalar.shape[0], shapes.shape[1])
 
 
-def assemble(mesh: AnyMesh, materials: dict[str, Material], scale: Scale | None = None) -> System:
+def assemble(mesh: AnyMesh, materials: dict[str, Material], scale: Scale | None = None, lossy: bool = False) -> System:
     """Assemble K_(a i)(b j) = int C_ikjl N_a,k N_b,l and m_ab = int rho N_a N_b.
 
     The pencil is scaled by the mesh's smallest extent and the first material unless a scale is given, so that a micrometre
@@ -110,6 +112,8 @@ def assemble(mesh: AnyMesh, materials: dict[str, Material], scale: Scale | None 
         One per region of the mesh.
     scale : Scale, optional
         Units of the pencil.
+    lossy : bool, optional
+        Whether the materials' loss factors are assembled as well; each must have one.
 
     Returns
     -------
@@ -126,13 +130,19 @@ def assemble(mesh: AnyMesh, materials: dict[str, Material], scale: Scale | None 
     scale = scale or Scale.of(float(np.ptp(mesh.nodes, axis=0).min()), first)
     forms = Forms(mesh, scale.length_m)
     tensor = np.zeros((mesh.cell_count, 3, 3, 3, 3)) if len(regions) > 1 else None
-    density = np.zeros(mesh.cell_count)
+    density, factor = np.zeros(mesh.cell_count), np.zeros(mesh.cell_count)
     single = first.tensor_pa / scale.young_pa
     for name, cells in regions.items():
         density[cells] = materials[name].density_kg_m3 / scale.density_kg_m3
+        if lossy:
+            factor[cells] = materials[name].lost
         if tensor is not None:
             tensor[cells] = materials[name].tensor_pa / scale.young_pa
-    return System(forms.stiffness(single if tensor is None else tensor), forms.mass(density), scale, mesh, density)
+    stiffness = forms.stiffness(single if tensor is None else tensor)
+    loss: sp.csr_array | float | None = float(factor[0]) if lossy else None
+    if tensor is not None and np.ptp(factor):
+        loss = forms.stiffness(factor[:, None, None, None, None] * tensor)
+    return System(stiffness, forms.mass(density), scale, mesh, density, loss)
 
 
 class Forms:

@@ -259,6 +259,16 @@ class SolidModel:
         heavy = (mass @ field.reshape(len(field), -1)).reshape(field.shape)
         return np.asarray(np.einsum("nak,nak->k", field, heavy))
 
+    def lost(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
+        """Loss between motions, u' (sum of loss factor times stiffness) u, (k, k)."""
+        flat, loss = self.field(symmetry, vectors).reshape(-1, vectors.shape[1]), self._loss
+        return np.asarray(flat.T @ (loss @ flat))
+
+    @cached_property
+    def _loss(self) -> sp.csr_array:
+        system = assemble(self.mesh, self.materials, self.scale, lossy=True)
+        return sp.csr_array(system.loss * system.stiffness if isinstance(system.loss, float) else system.loss)
+
     def skin(self, symmetry: str | None, vectors: FloatArray) -> Skin:
         """Outer skin of the meshed part."""
         facets = skin_faces(self.mesh)

@@ -1,6 +1,6 @@
 """Forced response of a patched plate by modal superposition with a quasi-static residual.
 
-u(w) = sum_r phi_r phi_r' theta V / (lambda_r (1 + i/Q) - lambda) + [R + (lambda - lambda_0) R1] V, where R is
+u(w) = sum_r phi_r phi_r' theta V / (lambda_r (1 + i/Q_r) - lambda) + [R + (lambda - lambda_0) R1] V, where R is
 (K - lambda_0 M)^-1 theta less the same modes at lambda_0 and R1 = (K - lambda_0 M)^-1 M R: the part outside the band
 follows by two terms about its middle. Sensor patches are open, Q_s = 0; actuators hold their voltage (short) or their
 charge (open).
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, Self
 
@@ -29,6 +29,8 @@ from solvers.superelement.plate import WHOLE
 
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are in the residual
 ROWS = 4096  # points of the touch face at once: a share of a field is copied, not all of it
+LOSS = 0.01  # width of a curve's grid where there is no mode
+SAME = 1e-10  # of the largest: directions of the columns that are combinations of the others
 COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
 
 
@@ -37,7 +39,8 @@ class GroupModes:
     """Modes of a group with the loads' projections: columns [modes, R, R1], eigenvalues and gains (modes, patches).
 
     bond: uncertainty due to the mesh beneath the patches; None without a coarser mesh. images: K and M times the
-    modes, (dof, modes) each.
+    modes, (dof, modes) each. loss (modes,): 1/Q of each mode; lost (c, c): scaled loss between the columns, None where one
+    quality factor stands for all losses, which then damps the modes alone.
     """
 
     group: Group
@@ -49,21 +52,58 @@ class GroupModes:
     residual_gain: tuple[FloatArray, FloatArray]
     images: tuple[FloatArray, FloatArray]
     bond: BondErrors | None = None
+    loss: FloatArray = field(default_factory=lambda: np.zeros(0))
+    lost: FloatArray | None = None
 
-    def amplitudes(self, eigenvalue: float | FloatArray, loss: float, volts: ComplexArray) -> ComplexArray:
+    def amplitudes(self, eigenvalue: float | FloatArray, volts: ComplexArray) -> ComplexArray:
         """Coefficients (..., columns) at eigenvalues (...) (scaled frequency squared), per voltages (..., patches)."""
         at = np.asarray(eigenvalue)[..., None]
+        if self.lost is not None:
+            values, vectors = self._damped
+            return np.asarray((volts @ (self.loads.T @ vectors) / (values - at)) @ vectors.T)
         return np.concatenate(
-            [volts @ self.gain.T * self.flexibility(eigenvalue, loss), volts, (at - self.middle) * volts], -1
+            [volts @ self.gain.T * self.flexibility(eigenvalue), volts, (at - self.middle) * volts], -1
         )
 
-    def flexibility(self, eigenvalue: float | FloatArray, loss: float) -> ComplexArray:
-        """1 / (lambda_r (1 + i/Q) - lambda) of each mode at eigenvalues lambda (...), (..., modes)."""
-        return np.asarray(1.0 / (self.eigenvalue * (1.0 + 1j * loss) - np.asarray(eigenvalue)[..., None]))
+    @property
+    def lossy(self) -> ComplexArray:
+        """lambda_r (1 + i/Q_r), (modes,)."""
+        return np.asarray(self.eigenvalue * (1.0 + 1j * self.loss))
 
-    def receptance(self, eigenvalue: float | FloatArray, loss: float) -> ComplexArray:
+    @property
+    def between(self) -> FloatArray:
+        """Loss between different modes, (modes, modes), scaled."""
+        count = len(self.eigenvalue)
+        if self.lost is None:
+            return np.zeros((count, count))
+        own = self.lost[:count, :count]
+        return np.asarray(own - np.diag(np.diag(own)))
+
+    @property
+    def loads(self) -> FloatArray:
+        """Loads (c, patches) in the columns; the modes' own are extrapolated."""
+        return np.vstack([self.gain, self.columns[:, len(self.eigenvalue) :].T @ self.group.loads])
+
+    @cached_property
+    def _damped(self) -> tuple[ComplexArray, ComplexArray]:
+        """Eigenvalues (m,) of K + i H and M in the columns, H their loss, and vectors X (c, m) with X'M X = 1."""
+        assert self.lost is not None
+        stiffness, mass = self.projected
+        whiten = whitened(mass)
+        values, turn = np.linalg.eig(whiten.T @ (stiffness + 1j * self.lost) @ whiten)
+        return values, np.asarray(whiten @ (turn / np.sqrt((turn**2).sum(axis=0))))
+
+    def flexibility(self, eigenvalue: float | FloatArray) -> ComplexArray:
+        """1 / (lambda_r (1 + i/Q_r) - lambda) of each mode by itself at eigenvalues lambda (...), (..., modes)."""
+        return np.asarray(1.0 / (self.lossy - np.asarray(eigenvalue)[..., None]))
+
+    def receptance(self, eigenvalue: float | FloatArray) -> ComplexArray:
         """theta' u per volt at eigenvalues (...), (..., patches, patches), scaled."""
-        modal = self.flexibility(eigenvalue, loss)[..., None] * self.gain
+        if self.lost is not None:
+            values, vectors = self._damped
+            gain = self.loads.T @ vectors
+            return np.asarray((gain / (values - np.asarray(eigenvalue)[..., None, None])) @ gain.T)
+        modal = self.flexibility(eigenvalue)[..., None] * self.gain
         return np.asarray(self.gain.T @ modal + self.residual(eigenvalue))
 
     @cached_property
@@ -114,7 +154,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Drive:
-    """Actuators and sensor patches by number, the band, and every mode's quality factor.
+    """Actuators and sensor patches by number, the band, and every mode's quality factor; None for that of the materials.
 
     circuit: the actuators hold a voltage (short) or a charge (open). Raises SolverError for an invalid drive.
     """
@@ -122,11 +162,11 @@ class Drive:
     drivers: tuple[int, ...]
     sensors: tuple[int, ...]
     band_hz: tuple[float, float]
-    quality_factor: float
+    quality_factor: float | None
     circuit: str = "short"
 
     def __post_init__(self) -> None:
-        if not (self.quality_factor > 0.0 and 0.0 < self.band_hz[0] < self.band_hz[1]):
+        if not ((self.quality_factor is None or self.quality_factor > 0.0) and 0.0 < self.band_hz[0] < self.band_hz[1]):
             raise SolverError(
                 f"quality factor {self.quality_factor}, band {self.band_hz} Hz: must be above 0 and ascending"
             )
@@ -154,7 +194,7 @@ class ForcedPlate:
         target_window_hz: Interval | None = None,
     ) -> None:
         self.plate, self.design, self.band_hz, self.circuit = plate, design, drive.band_hz, drive.circuit
-        self.drivers, self.sensors, self.loss = list(drive.drivers), list(drive.sensors), 1.0 / drive.quality_factor
+        self.drivers, self.sensors, self.quality_factor = list(drive.drivers), list(drive.sensors), drive.quality_factor
         self.margin, self.target_window_hz = margin, target_window_hz
         target = {target_symmetry(design.nodal_lines), WHOLE} if target_window_hz else set()
 
@@ -166,9 +206,27 @@ class ForcedPlate:
         }
 
         def solved(group: Group) -> GroupModes:
-            return group_modes(group, drive.band_hz, margin, self._kept.get(group.symmetries))
+            return self._damped(group_modes(group, drive.band_hz, margin, self._kept.get(group.symmetries)))
 
         self.modes = parallel_map(solved, plate.groups, bytes_each)
+
+    def _damped(self, basis: GroupModes) -> GroupModes:
+        """The modes with their loss: that of the given quality factor, or of the materials."""
+        if self.quality_factor is None:
+            return damped(basis)
+        return replace(basis, loss=np.full(len(basis.eigenvalue), 1.0 / self.quality_factor))
+
+    @property
+    def losses(self) -> FloatArray:
+        """1/Q of every mode about the band, group after group."""
+        return np.concatenate([basis.loss for basis in self.modes])
+
+    def loss_at(self, frequency_hz: float) -> float:
+        """1/Q of the mode nearest to a frequency."""
+        if self.quality_factor is not None:
+            return 1.0 / self.quality_factor
+        tones = self.resonances_hz
+        return float(self.losses[np.abs(tones - frequency_hz).argmin()]) if len(tones) else LOSS
 
     @property
     def solved_hz(self) -> Interval:
@@ -291,7 +349,7 @@ class ForcedPlate:
         """Modes of every group of the plate: contacts may move modes that the patches do not drive."""
         known = {id(basis.group): basis for basis in self.modes}
         groups = self.plate.everything
-        return [known.get(id(group)) or group_modes(group, self.band_hz, self.margin) for group in groups]
+        return [known.get(id(group)) or self._damped(group_modes(group, self.band_hz, self.margin)) for group in groups]
 
     @property
     def resonances_hz(self) -> FloatArray:
@@ -327,7 +385,7 @@ class ForcedPlate:
         """Voltages at eigenvalues (n,), (n, loads)."""
 
         def charge() -> ComplexArray:
-            parts = [basis.receptance(eigenvalues, self.loss) for basis in self.modes]
+            parts = [basis.receptance(eigenvalues) for basis in self.modes]
             return np.asarray(np.sum(parts, axis=0) * self.plate.stiffness_unit)
 
         return np.broadcast_to(self.patch_volts(charge), (len(eigenvalues), len(self.plate.patches)))
@@ -374,7 +432,7 @@ class ForcedPlate:
         volts = self.volts_over(at)
         zone, passive = np.zeros(len(at)), np.zeros(len(at))
         for basis, grams in zip(self.modes, self.grams, strict=True):
-            amplitudes = basis.amplitudes(at, self.loss, volts).T
+            amplitudes = basis.amplitudes(at, volts).T
             for total, gram in zip((zone, passive), grams, strict=True):
                 total += quadratic(gram, amplitudes)
         return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.areas_m2), volts[:, self.sensors])
@@ -383,9 +441,7 @@ class ForcedPlate:
         """Apply rows (m, dof) of each group to the motion at a frequency, per volt of drive, (m,)."""
         eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
         volts = self.volts(eigenvalue)
-        moved = [
-            rows(basis.group) @ (basis.columns @ basis.amplitudes(eigenvalue, self.loss, volts)) for basis in self.modes
-        ]
+        moved = [rows(basis.group) @ (basis.columns @ basis.amplitudes(eigenvalue, volts)) for basis in self.modes]
         return np.asarray(np.sum(moved, axis=0), dtype=complex)
 
     def shape(self, frequency_hz: float) -> tuple[FloatArray, ComplexArray]:
@@ -394,10 +450,10 @@ class ForcedPlate:
         volts = self.volts(eigenvalue)
         parts = []
         for basis in self.modes:
-            moved = basis.columns @ basis.amplitudes(eigenvalue, self.loss, volts)
+            moved = basis.columns @ basis.amplitudes(eigenvalue, volts)
             fields = basis.group.touch(np.column_stack([moved.real, moved.imag]))
-            for symmetry, field in zip(basis.group.symmetries, fields, strict=True):
-                parts.append(_unfolded(field.points, field.values @ np.array([1.0, 1.0j]), symmetry))
+            for symmetry, own in zip(basis.group.symmetries, fields, strict=True):
+                parts.append(_unfolded(own.points, own.values @ np.array([1.0, 1.0j]), symmetry))
         return parts[0][0], np.asarray(sum(values for _, values in parts))
 
 
@@ -553,6 +609,45 @@ def group_modes(
     return GroupModes(
         group, tones, better.eigenvalue, better.gain, columns, middle, gains, better.images, better.errors
     )
+
+
+def damped(basis: GroupModes) -> GroupModes:
+    """Add the loss of the materials to the modes and residual vectors of a group.
+
+    Parameters
+    ----------
+    basis : GroupModes
+        Modes of a group whose loss is known.
+
+    Returns
+    -------
+    GroupModes
+        The same modes with the loss between all columns; that of the modes is relative to the energy on their own mesh.
+    """
+    count, lost = len(basis.eigenvalue), basis.group.lost(basis.columns)
+    scale = np.ones(len(lost))
+    scale[:count] = np.sqrt(basis.eigenvalue / np.einsum("ik,ik->k", basis.columns[:, :count], basis.images[0]))
+    lost = scale[:, None] * (lost + lost.T) / 2.0 * scale
+    return replace(basis, loss=np.diag(lost)[:count] / basis.eigenvalue, lost=lost)
+
+
+def whitened(mass: FloatArray) -> FloatArray:
+    """Find an M-orthonormal basis of directions of which some depend on others.
+
+    Parameters
+    ----------
+    mass : ndarray, shape (n, n)
+        M between the directions.
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+        Coefficients of the basis.
+    """
+    size = 1.0 / np.sqrt(np.maximum(np.diag(mass), 1e-300))
+    values, basis = np.linalg.eigh(mass * np.outer(size, size))
+    kept = values > SAME * values[-1]
+    return np.asarray(size[:, None] * basis[:, kept] / np.sqrt(values[kept]))
 
 
 def residual_vectors(

@@ -128,6 +128,11 @@ class StaticCorrection:
         shares = rim_shares(stack.back if back else stack.touch, alike, patch.mesh)
         return replace(shares, uncertainty=shares.uncertainty + ROUGH * shares.correction)
 
+    def loss_factor(self, back: bool) -> float | None:
+        """Loss factor of the plate beneath; None where it is not known."""
+        stack = self.reductions.stack
+        return (stack.back if back else stack.touch).loss_factor
+
     def prepare(self, plate: AssembledPlate, patches: Iterable[BondedPatch], back: bool) -> None:
         """Compute what `flexibility` will need, distinct places in parallel."""
         places = {place.key: place for place in (_Place.of(plate, each, self.reductions, back) for each in patches)}

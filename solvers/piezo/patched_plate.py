@@ -66,6 +66,8 @@ class Group:
     """Symmetry classes solved together: the load of one volt on each patch, (dof, patches), scaled, and K and M as `join` makes
     them, on demand.
 
+    damping: loss (k, k) between motions (dof, k), by the stiffness of each material times its loss factor; None where it is
+    not known.
     Parts of the load: by_modes, due to the panels' discarded modes at rest; inertia, proportional to the eigenvalue, at that
     one. yielding: energies (k,) of F under the forces of the patches in motions (dof, k); None without patches.
     coarser: the same classes on a coarser mesh of the patches; None where there is none.
@@ -79,6 +81,7 @@ class Group:
     eigenvalue: float = 0.0
     yielding: Callable[[FloatArray], FloatArray] | None = None
     coarser: CoarserBond | None = None
+    damping: Callable[[FloatArray], FloatArray] | None = None
 
     @cached_property
     def pencil(self) -> PlainPencil:
@@ -94,6 +97,12 @@ class Group:
         """Free K and M, which are joined again on demand."""
         for name in ("pencil", "factorise"):
             vars(self).pop(name, None)
+
+    def lost(self, vectors: FloatArray) -> FloatArray:
+        """Loss between motions (dof, k), (k, k). SolverError where that of the materials is not known."""
+        if self.damping is None:
+            raise SolverError("the loss of the materials is not known: give a quality factor")
+        return self.damping(vectors)
 
     def gain(self, vectors: FloatArray, values: FloatArray) -> FloatArray:
         """Gains (k, patches) of the loads on modes (dof, k), each at its own eigenvalue (k,)."""
@@ -202,6 +211,7 @@ class PatchedPlate:
             self.eigenvalue,
             partial(self._yielding, plates),
             CoarserBond(partial(self._pencil, plates, -1), coarse, coarse_inertia, shares) if shares else None,
+            partial(self._lost, plates),
         )
 
     def _cannot_drive(self, plates: list[AssembledPlate], number: int) -> bool:
@@ -270,6 +280,17 @@ class PatchedPlate:
             total += count * np.einsum("ik,ik->k", forces, bond.finest.yields @ forces)
         return total
 
+    def _lost(self, plates: list[AssembledPlate], vectors: FloatArray) -> FloatArray:
+        """Loss between motions (dof, k) in the plate, in the patches and in what yields beneath them, (k, k)."""
+        parts = np.split(vectors, np.cumsum([plate.dof for plate in plates])[:-1])
+        total = np.sum([plate.lost(part) for plate, part in zip(plates, parts, strict=True)], axis=0)
+        for count, bond, moved in self._distinct(plates):
+            if bond.finest.loss is None:
+                raise SolverError("the loss of a patch is not known: give a quality factor")
+            own = moved[0] @ vectors
+            total += count * own.T @ bond.finest.loss @ own
+        return np.asarray(total)
+
     def _distinct(self, plates: list[AssembledPlate]) -> list[tuple[int, _Bond, list[sp.csr_array]]]:
         """The patches that are no other's image in the classes: how many of each, itself and its motions."""
         motions = self._moved(plates)
@@ -314,7 +335,8 @@ class _Part:
     """A patch of one mesh as the plate's own degrees of freedom feel it.
 
     Where; stiffness (3b, 3b), load of a volt (3b,) and its part by inertia, scaled; mass (3b, 3b) in kg; capacitance in F with
-    that face held. softened (3b,): what F brings to the load; yields (3b, 3b): F, scaled.
+    that face held. softened (3b,): what F brings to the load; yields (3b, 3b): F, scaled. loss (3b, 3b): stiffness of patch and
+    of F times their loss factors; None where one is not known.
     """
 
     contact: Contact
@@ -325,6 +347,7 @@ class _Part:
     softened: FloatArray
     yields: FloatArray
     capacitance_f: float
+    loss: FloatArray | None = None
 
     def mirrored(self, flip: FloatArray) -> _Part:
         """Return the part at its mirror image: -1 along the axes (2,) that are turned round."""
@@ -338,6 +361,7 @@ class _Part:
             inertia=turn * self.inertia,
             softened=turn * self.softened,
             yields=turn[:, None] * self.yields * turn,
+            loss=None if self.loss is None else turn[:, None] * self.loss * turn,
         )
 
 
@@ -376,7 +400,7 @@ class PressedPlate:
 
     def _group(self, plate: AssembledPlate, design: Design, pressed: bool) -> Group:
         load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)
-        return Group((plate,), plate.pencil, load[:, None])
+        return Group((plate,), plate.pencil, load[:, None], damping=plate.lost)
 
 
 @dataclass(frozen=True)
@@ -531,6 +555,11 @@ def _part(
     gives = beneath.flexibility(plate, patch, back) if beneath else np.zeros_like(stiffness)
     turn = np.linalg.inv(np.eye(len(load)) + gives @ stiffness)
     effective, effective_load = stiffness @ turn, turn.T @ load
+    held = turn.T @ stiffness @ turn  # the patch's own part of the stiffness, the rest is F's
+    below = beneath.loss_factor(back) if beneath else patch.material.loss_factor
+    loss = None
+    if patch.material.loss_factor is not None and below is not None:
+        loss = patch.material.loss_factor * held + below * ((effective + effective.T) / 2.0 - held)
     inertia = eigenvalue * turn.T @ (patch.swell + patch.mass @ (gives @ effective_load)) / scale.mass_kg
     return _Part(
         Contact(patch.points, patch.projection, back),
@@ -541,6 +570,7 @@ def _part(
         effective_load - load,
         gives,
         patch.capacitance_f + float(patch.theta @ turn @ gives @ load),
+        loss,
     )
 
 

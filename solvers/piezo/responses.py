@@ -17,14 +17,13 @@ from solvers.accuracy.reduction import MARGIN, by_degrees, by_mesh, by_modes, la
 from solvers.control.identification import half_power_quality_factor
 from solvers.measures.confinement import ratio_db
 from solvers.piezo.bond import Contact, displacement_at, mirror_signs
-from solvers.piezo.forced import Curve, ForcedPlate, GroupModes
+from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, whitened
 from solvers.piezo.patched_plate import Group
 from solvers.superelement.plate import WHOLE
 
 PER_WIDTH = 6  # points over a resonance's half-power width about a peak
 SHARP = 1e-3  # of a half-power width: tolerance of a peak
 SAME_WIDTHS = 1.0  # half-power widths: closer peaks count as one
-SAME = 1e-10  # of the largest: directions of the space that are combinations of the others
 
 _KNOWN: WeakKeyDictionary[GroupModes, FrequencyErrors] = WeakKeyDictionary()  # every peak of a response needs them
 
@@ -32,9 +31,8 @@ _KNOWN: WeakKeyDictionary[GroupModes, FrequencyErrors] = WeakKeyDictionary()  # 
 class Driven(Protocol):
     """Interface of a driven structure that can be swept."""
 
-    @property
-    def loss(self) -> float:
-        """1/Q."""
+    def loss_at(self, frequency_hz: float) -> float:
+        """1/Q of the mode nearest to a frequency."""
         ...
 
     def curve(self, frequency_hz: FloatArray) -> Curve:
@@ -137,7 +135,7 @@ def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: Flo
     """
     at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
     volts = forced.volts_over(at)
-    parts = [_rows(basis, points_m) @ basis.amplitudes(at, forced.loss, volts).T for basis in forced.modes]
+    parts = [_rows(basis, points_m) @ basis.amplitudes(at, volts).T for basis in forced.modes]
     return np.asarray(np.sum(parts, axis=0))
 
 
@@ -213,7 +211,7 @@ def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_
     """
     even = np.union1d(np.linspace(low, high, points), [] if resonances_hz is None else resonances_hz)
     top = float(even[int(np.argmax(driven.curve(even).zone_rms_m_per_v))])
-    for reach in (2.0 * (high - low) / points, 2.0 * top * driven.loss):
+    for reach in (2.0 * (high - low) / points, 2.0 * top * driven.loss_at(top)):
         top = _top_of(driven, max(low, top - reach), min(high, top + reach), top)
     return _between(driven, top, low, high)
 
@@ -235,7 +233,7 @@ def near_hz(driven: Driven, mode_hz: float) -> float:
     float
         In Hz; the mode's own frequency if it has no peak.
     """
-    reach = mode_hz * driven.loss
+    reach = mode_hz * driven.loss_at(mode_hz)
     top = _top_of(driven, mode_hz - reach, mode_hz + reach, mode_hz)
     inside = abs(top - mode_hz) < reach * (1.0 - 1.0 / (2.0 * PER_WIDTH))
     return _between(driven, top, mode_hz - reach, mode_hz + reach) if inside else mode_hz
@@ -257,7 +255,8 @@ def own_or(driven: Driven, mode_hz: float, highest_hz: float) -> float:
         In Hz.
     """
     own = near_hz(driven, mode_hz)
-    return highest_hz if abs(own - highest_hz) <= 2.0 * SHARP * highest_hz * driven.loss else own
+    apart = 2.0 * SHARP * highest_hz * driven.loss_at(highest_hz)
+    return highest_hz if abs(own - highest_hz) <= apart else own
 
 
 def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: list[float]) -> Curve:
@@ -281,7 +280,7 @@ def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: 
     """
     tones = np.linspace(low, high, points)
     for peak in peaks_hz:
-        reach = 2.0 * peak * driven.loss
+        reach = 2.0 * peak * driven.loss_at(peak)
         fine = np.linspace(max(low, peak - reach), min(high, peak + reach), 4 * PER_WIDTH + 1)
         tones = np.union1d(tones, np.append(fine, peak))
     return driven.curve(tones)
@@ -353,10 +352,7 @@ def ritz_modes(stiffness: FloatArray, mass: FloatArray) -> tuple[FloatArray, Flo
     vectors : ndarray, shape (n, m)
         M-orthonormal.
     """
-    size = 1.0 / np.sqrt(np.maximum(np.diag(mass), 1e-300))
-    values, basis = scipy.linalg.eigh(mass * np.outer(size, size))
-    kept = values > SAME * values[-1]
-    whiten = size[:, None] * basis[:, kept] / np.sqrt(values[kept])
+    whiten = whitened(mass)
     eigenvalue, vectors = scipy.linalg.eigh(whiten.T @ stiffness @ whiten)
     return np.asarray(eigenvalue), np.asarray(whiten @ vectors)
 
@@ -456,7 +452,7 @@ def admittance(forced: ForcedPlate, frequency_hz: FloatArray) -> ComplexArray:
     """
     signs, driven, left = forced.signs[forced.drivers], forced.drivers, forced.sensors
     at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
-    parts = [basis.receptance(at, forced.loss) for basis in forced.modes]
+    parts = [basis.receptance(at) for basis in forced.modes]
     per_volt = np.sum(parts, axis=0) * forced.plate.stiffness_unit + np.diag(forced.plate.capacitance_f)
     to_driven = per_volt[:, driven]
     charge = to_driven[..., driven] @ signs
@@ -577,13 +573,14 @@ def _top_of(driven: Driven, low: float, high: float, known_hz: float) -> float:
 
 def _between(driven: Driven, top: float, low: float, high: float) -> float:
     """The largest response about a point of a fine grid."""
-    step = top * driven.loss / PER_WIDTH
+    width = top * driven.loss_at(top)
+    step = width / PER_WIDTH
     ends = (max(low, top - step), min(high, top + step))
     minimum = minimize_scalar(
         lambda hz: -float(driven.curve(np.array([hz])).zone_rms_m_per_v[0]),
         bounds=ends,
         method="bounded",
-        options={"xatol": SHARP * top * driven.loss},
+        options={"xatol": SHARP * width},
     )
     return float(minimum.x) if low < top < high else top
 
@@ -597,11 +594,8 @@ def _is_top(curve: Curve, at: int) -> bool:
 def _projected(forced: ForcedPlate) -> tuple[FloatArray, FloatArray, FloatArray]:
     """K, M (c, c) and the loads (c, patches) in the columns of all groups, scaled; the modes' own loads are extrapolated."""
     stiffness, mass = zip(*(basis.projected for basis in forced.modes), strict=True)
-    loads = [
-        np.vstack([basis.gain, basis.columns[:, len(basis.eigenvalue) :].T @ basis.group.loads])
-        for basis in forced.modes
-    ]
-    return scipy.linalg.block_diag(*stiffness), scipy.linalg.block_diag(*mass), np.vstack(loads)
+    loads = np.vstack([basis.loads for basis in forced.modes])
+    return scipy.linalg.block_diag(*stiffness), scipy.linalg.block_diag(*mass), loads
 
 
 def _estimated(basis: GroupModes) -> FrequencyErrors:

@@ -59,7 +59,7 @@ class Reductions:
     """Reduction of a plate's panels: equal panels once, cached ones not at all. `fresh` counts those computed here.
 
     `pillar` stands on panels with a foot that name none of their own. `mesher` meshes the panels with a pillar; without it,
-    and for bare panels, structured hexahedra do.
+    and for bare panels, structured hexahedra do. lossy: cells have their materials' loss, too.
     """
 
     stack: Stack
@@ -68,6 +68,7 @@ class Reductions:
     cache: Cache[Cell] | None = None
     mesher: Meshes | None = None
     mesher_name: str = ""  # distinguishes one mesher's cells from another's in the cache
+    lossy: bool = False
     fresh: int = 0
     reused: int = 0
 
@@ -92,7 +93,10 @@ class Reductions:
             better = self._recovered if mesh.kind == TETRAHEDRA else None
         else:
             mesh, better = self._mesh(panel, self.settings(panel)).mesh, self.coarser(panel)
-        cell = reduce_cell(self.system(mesh), reduction.ample, reduction.top_hz, panel.halved, panel.free, better)
+        system = self.system(mesh, self.lossy)
+        cell = reduce_cell(system, reduction.ample, reduction.top_hz, panel.halved, panel.free, better)
+        if isinstance(system.loss, float):
+            cell = replace(cell, loss=system.loss * cell.stiffness)
         return restricted(cell, reduction.interface) if reduction.further else cell
 
     def _recovered(self, cell: Cell, builder: CellBuilder, parts: list[SymmetryClass]) -> Cell:
@@ -123,11 +127,11 @@ class Reductions:
     def _mesh(self, panel: Panel, settings: HexSettings) -> PatchedMesh:
         return panel_mesh(panel, self.stack, self.pillar, settings)
 
-    def system(self, mesh: Mesh) -> System:
+    def system(self, mesh: Mesh, lossy: bool = False) -> System:
         """The assembled matrices of a mesh. MeshError for one that is not sound."""
         check_mesh(mesh)
         scale = Scale.of(self.stack.thickness_m, self.stack.mean)
-        return assemble(mesh, region_materials(self.stack, self.pillar), scale)
+        return assemble(mesh, region_materials(self.stack, self.pillar), scale, lossy)
 
     def coarser(self, panel: Panel) -> Coarser | None:
         """Correction of a reduced panel by coarser meshes nested in its own; None for a mesh that has none.
@@ -176,7 +180,9 @@ class Reductions:
         pillar = self.pillar_of(panel) if panel.foot else None
         mesher = self.mesher_name if panel.foot else ""
         place = signature(replace(panel, pillar=None))
-        text = repr((place, panel.halved, self.stack, pillar, self.reduction, mesher))
+        text = repr(
+            (place, panel.halved, self.stack, pillar, self.reduction, mesher, *(["lossy"] if self.lossy else []))
+        )
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -229,6 +235,11 @@ class PlateModel:
             self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name, grid)
         return self._assembled_plates[name]
 
+    @property
+    def scale(self) -> Scale:
+        """Units of the pencils."""
+        return next(iter(self.cells.values())).scale
+
     def pencil(self, symmetry: str | None) -> PlainPencil:
         """K and M of one symmetry class."""
         return self.assembled(symmetry).pencil()
@@ -240,6 +251,10 @@ class PlateModel:
     def pillar_share(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
         """Share of the pillars in the kinetic energy, (k,)."""
         return self.assembled(symmetry).pillar_share(vectors)
+
+    def lost(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
+        """Loss between motions, (k, k)."""
+        return self.assembled(symmetry).lost(vectors)
 
     def skin(self, symmetry: str | None, vectors: FloatArray) -> Skin:
         """Outer skin of the quarter x, y >= 0, or of the whole plate."""

@@ -89,6 +89,10 @@ class AssembledPlate:
         mass = self.of_cells(lambda cell: cell.pillar_mass)
         return np.asarray(np.einsum("ik,ik->k", vectors, mass @ vectors))
 
+    def lost(self, vectors: FloatArray) -> FloatArray:
+        """Loss between motions, u' (sum of loss factor times stiffness) u, (k, k). SolverError for cells without it."""
+        return np.asarray(vectors.T @ (self.of_cells(loss_of) @ vectors))
+
     def of_cells(self, matrix: Callable[[Cell], FloatArray]) -> sp.csc_array:
         """The cells' matrices (cell dof, cell dof) summed over the plate, (dof, dof), without entries of rounding alone."""
         known = {id(cell): _entries(matrix(cell)) for cell in self.cells}
@@ -158,6 +162,29 @@ class AssembledPlate:
         facets = skin.facets[(skin.points[skin.facets].mean(axis=1)[:, mirrors] > 0.0).all(axis=1)]
         used, local = np.unique(facets, return_inverse=True)
         return Expansion(skin.points[used], skin.matrix[used], facets=local.reshape(facets.shape))
+
+
+def loss_of(cell: Cell) -> FloatArray:
+    """Return a cell's loss.
+
+    Parameters
+    ----------
+    cell : Cell
+        Reduced with its materials' loss.
+
+    Returns
+    -------
+    ndarray, shape (dof, dof)
+        Stiffness with each material's part times its loss factor, scaled.
+
+    Raises
+    ------
+    SolverError
+        If the cell was reduced without it.
+    """
+    if cell.loss is None:
+        raise SolverError("the cell was reduced without the loss of its materials")
+    return cell.loss
 
 
 def _entries(matrix: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:

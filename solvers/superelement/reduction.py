@@ -151,7 +151,7 @@ class CellBuilder:
         self.boundary = np.unique(np.concatenate([mesh.nodes_of(face) for face in self.outer]))
         self.thickness = float(mesh.nodes[self.boundary, 2].max())
         self.inside = free_mask(mesh, self.outer)
-        self._known: dict[int, tuple[SymmetryClass, tuple[FloatArray, FloatArray, FloatArray]]] = {}
+        self._known: dict[int, tuple[SymmetryClass, tuple[FloatArray, ...]]] = {}
         self.field = self._boundary_field(mesh)
 
     def _boundary_field(self, mesh: AnyMesh) -> FloatArray:
@@ -266,9 +266,9 @@ class CellBuilder:
         fixed = np.concatenate([part.fixed_hz for part in parts])
         places = self.places(parts)
         parallel_map(self.projected, [part for part in parts if not part.turned])
-        stiffness, mass, pillar = (np.zeros((places[0].shape[0],) * 2) for _ in range(3))
+        stiffness, mass, pillar, loss = (np.zeros((places[0].shape[0],) * 2) for _ in range(4))
         for part, place in zip(parts, places, strict=True):
-            for whole, own in zip((stiffness, mass, pillar), self.projected(part), strict=True):
+            for whole, own in zip((stiffness, mass, pillar, loss), self.projected(part), strict=False):
                 whole += self.copies * place @ own @ place.T
         symmetry = [[part.signs.get(axis, 0) for axis in (0, 1)] for part in parts for _ in part.fixed_hz]
         return Cell(
@@ -286,6 +286,7 @@ class CellBuilder:
             self._skin(parts, places),
             system.mesh.dof * self.copies,
             bare=self._bare(parts, places),
+            loss=(loss + loss.T) / 2.0 if isinstance(system.loss, sp.csr_array) else None,
         )
 
     def _dropped(self, parts: list[SymmetryClass], places: list[FloatArray]) -> FloatArray:
@@ -297,18 +298,22 @@ class CellBuilder:
             out += self.copies * basis @ part.flexibility @ basis.T
         return (out + out.T) / 2.0
 
-    def projected(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """V'KV, V'MV and V'MV of the pillar alone, (m, m) each; computed once a class, and for one turned over with it."""
+    def projected(self, part: SymmetryClass) -> tuple[FloatArray, ...]:
+        """V'KV, V'MV, V'MV of the pillar alone and, where materials lose differently, the loss, (m, m) each; computed once a
+        class, and for one turned over with it.
+        """
         own = part.turned or part
         if id(own) not in self._known:
             self._known[id(own)] = own, self._projection(own)
         return self._known[id(own)][1]
 
-    def _projection(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _projection(self, part: SymmetryClass) -> tuple[FloatArray, ...]:
         system, shapes = self.system, part.shapes
         pillar = system.region_mass("pillar", "tip")
         stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
-        return stiffness, mass, np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
+        heavy = np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
+        lossy = (shapes.T @ (system.loss @ shapes),) if isinstance(system.loss, sp.csr_array) else ()
+        return stiffness, mass, heavy, *lossy
 
     def places(self, parts: list[SymmetryClass]) -> list[FloatArray]:
         """Map from each class's degrees of freedom to the cell's, (dof, m)."""

@@ -81,14 +81,15 @@ class _Problem:
     """N(lambda) of a touched plate, (modes, modes), and its derivative."""
 
     def __init__(self, touched: TouchedPlate, slopes: bool) -> None:
-        self.touched, self.loss = touched, 1.0 + 1j * touched.loss
+        self.touched = touched
         self.unit, count = touched.plate.stiffness_unit, len(touched.plate.patches)
-        self.own: ComplexArray = np.concatenate([basis.eigenvalue for basis in touched.modes]) * self.loss
+        self.own: ComplexArray = np.concatenate([basis.lossy for basis in touched.modes])
+        self.between: ComplexArray = 1j * scipy.linalg.block_diag(*(basis.between for basis in touched.modes))
         self.gain: FloatArray = np.vstack([basis.gain[:, count:] for basis in touched.modes])
         if slopes not in touched.beyond:
             touched.beyond[slopes] = [_beyond(basis, count, slopes) for basis in touched.modes]
         beyond = touched.beyond[slopes]
-        self.beyond = self.loss * np.concatenate([values for values, _ in beyond])
+        self.beyond = (1.0 + 1j * touched.loss) * np.concatenate([values for values, _ in beyond])
         self.beyond_gain = np.vstack([gain for _, gain in beyond])
 
     def at(self, value: complex) -> tuple[ComplexArray, ComplexArray]:
@@ -99,7 +100,9 @@ class _Problem:
         turn = np.linalg.inv(np.eye(len(residual)) + stiffness * residual)
         change = turn @ (stiffening * np.eye(len(residual)) - stiffness**2 * slope) @ turn
         matrix, derivative = (self.unit * self.gain @ each @ self.gain.T for each in (stiffness * turn, change))
-        return np.asarray(matrix + np.diag(self.own - value)), np.asarray(derivative - np.eye(len(self.own)))
+        return np.asarray(matrix + np.diag(self.own - value) + self.between), np.asarray(
+            derivative - np.eye(len(self.own))
+        )
 
     def _finger(self, value: complex) -> tuple[complex, complex]:
         """D and dD/dlambda."""
@@ -455,7 +458,7 @@ def lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz
     total = np.zeros((count + len(points_m),) * 2, dtype=complex)
     for basis in touched.free.all_modes:
         loads, signed = _folded(basis.group, points_m)
-        own = with_loads(basis, loads / plate.stiffness_unit).receptance(eigenvalue, touched.loss)
+        own = with_loads(basis, loads / plate.stiffness_unit).receptance(eigenvalue)
         spread = scipy.linalg.block_diag(np.eye(count), signed)
         total += spread @ own @ spread.T
     return np.asarray(total * plate.stiffness_unit)

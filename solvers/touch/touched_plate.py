@@ -25,7 +25,7 @@ from solvers.fem.eigen import factor_near
 from solvers.fem.factor import Factoriser
 from solvers.fem.solid import constrain, free_mask
 from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, grid_weights, positive_part
-from solvers.piezo.forced import ForcedPlate, GroupModes, residual_vectors
+from solvers.piezo.forced import ForcedPlate, GroupModes, damped, residual_vectors
 from solvers.piezo.patch import StaticCorrection
 from solvers.piezo.patched_plate import Group
 from solvers.piezo.responses import face_motion
@@ -279,7 +279,7 @@ class TouchedPlate(ForcedPlate):
         self.beyond: dict[bool, list[tuple[FloatArray, FloatArray]]] = {}
         self.plate, self.design = forced.plate, forced.design
         self.band_hz, self.circuit = forced.band_hz, forced.circuit
-        self.drivers, self.sensors, self.loss = forced.drivers, forced.sensors, forced.loss
+        self.drivers, self.sensors = forced.drivers, forced.sensors
         self.margin, self.signs = forced.margin, forced.signs
         self.modes = forced.modes
         if finger.tip.is_nothing:
@@ -287,6 +287,11 @@ class TouchedPlate(ForcedPlate):
         rows = [finger.rows(basis.group) for basis in forced.all_modes]
         unit = self.plate.stiffness_unit
         self.modes = [with_loads(basis, row.T / unit) for basis, row in zip(forced.all_modes, rows, strict=True)]
+
+    @property
+    def loss(self) -> float:
+        """1/Q of the free plate's target mode; of the mode nearest to the band's middle where it has none."""
+        return self.free.loss_at(self.free.target_hz() or sum(self.band_hz) / 2.0)
 
     @property
     def target_row(self) -> int | None:
@@ -339,7 +344,7 @@ class TouchedPlate(ForcedPlate):
         """Charge of patches (C) and moments of motion (m), per volt and per newton, of the free plate at eigenvalues (...),
         (..., p + f, p + f).
         """
-        parts = [basis.receptance(eigenvalue, self.loss) for basis in self.modes]
+        parts = [basis.receptance(eigenvalue) for basis in self.modes]
         whole, count = np.asarray(np.sum(parts, axis=0) * self.plate.stiffness_unit), len(self.plate.patches)
         if self.missing is not None:
             whole[..., count:, count:] += self.missing
@@ -366,7 +371,7 @@ class TouchedPlate(ForcedPlate):
         eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
         loads = self.volts(eigenvalue)
         pairs = zip(self.modes, self.contact_rows, strict=True)
-        moved = np.sum([rows @ b.amplitudes(eigenvalue, self.loss, loads) for b, rows in pairs], axis=0)
+        moved = np.sum([rows @ b.amplitudes(eigenvalue, loads) for b, rows in pairs], axis=0)
         return np.asarray(moved if self.missing is None else moved + self.missing @ loads[len(self.plate.patches) :])
 
 
@@ -448,19 +453,20 @@ def with_loads(basis: GroupModes, loads: FloatArray) -> GroupModes:
     everything, residuals, slopes = (
         np.hstack(pair) for pair in ((basis.group.loads, loads), (residuals, residual), (slopes, slope))
     )
-    return replace(
+    loaded = replace(
         basis,
         group=replace(basis.group, loads=everything),
         gain=np.hstack([basis.gain, gain]),
         columns=np.hstack([vectors, residuals, slopes]),
         residual_gain=(everything.T @ residuals, everything.T @ slopes),
     )
+    return loaded if basis.lost is None else damped(loaded)
 
 
 # -- power -------------------------------------------------------------------------------------------------------------
 # Where the patches' power goes: lost in the plate, taken by the finger, lost in the ceramic's dielectric.
 # Power in = Re(V* I)/2 with I = j omega (theta' u + C V) summed over the patches. Only the modes are damped: the
-# plate loses omega/(2 Q) sum lambda_r |q_r|^2, the finger takes Re(Z) omega^2 mean |u|^2/2.
+# plate loses omega/2 q^H H q, H the loss, the finger takes Re(Z) omega^2 mean |u|^2/2.
 
 
 @dataclass(frozen=True)
@@ -508,13 +514,15 @@ def power(touched: TouchedPlate, frequency_hz: float, loss_tangent: float | None
     current = 1j * omega * (answer[:count] + plate.capacitance_f * volts)
     modal = 0.0
     for basis in touched.modes:
-        q = (basis.gain @ loads) / (basis.eigenvalue * (1.0 + 1j * touched.loss) - eigenvalue)
-        modal += float(basis.eigenvalue @ np.abs(q) ** 2)
+        amplitudes = basis.amplitudes(eigenvalue, loads)
+        lost = np.diag(basis.loss * basis.eigenvalue) if basis.lost is None else basis.lost
+        amplitudes = amplitudes[: len(lost)]
+        modal += float((amplitudes.conj() @ lost @ amplitudes).real)
     finger = touched.finger
     amplitude = rms(touched.contact_motion(frequency_hz))
     return Power(
         patches_w=0.5 * float((volts.conj() @ current).real),
-        plate_w=0.5 * omega * touched.loss * plate.stiffness_unit * modal,
+        plate_w=0.5 * omega * plate.stiffness_unit * modal,
         finger_w=0.5 * finger.tip.resistance_n_s_m(finger.area_m2) * (omega * amplitude) ** 2,
         dielectric_w=None
         if loss_tangent is None

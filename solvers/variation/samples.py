@@ -144,10 +144,9 @@ class ChangedPlate:
     alike: FloatArray
     target_share: FloatArray
 
-    @property
-    def loss(self) -> float:
-        """1/Q."""
-        return self.forced.loss
+    def loss_at(self, frequency_hz: float) -> float:
+        """1/Q of the nominal plate's mode nearest to a frequency."""
+        return self.forced.loss_at(frequency_hz)
 
     @property
     def tracked(self) -> Verdict:
@@ -175,7 +174,7 @@ class ChangedPlate:
         sensors = np.zeros((count, len(forced.sensors)), dtype=complex)
         for row, frequency in enumerate(frequency_hz):
             at = forced.plate.scale.eigenvalue(float(frequency))
-            denominator = np.asarray(self.eigenvalue * (1.0 + 1j * self.loss) - at, dtype=complex)
+            denominator = np.asarray(self.eigenvalue * (1.0 + 1j * self.loss_at(float(frequency))) - at, dtype=complex)
             volts = forced.patch_volts(partial(charge, denominator))
             sensors[row] = volts[forced.sensors]
             amplitudes[:, row] = (self.gain @ volts) / denominator

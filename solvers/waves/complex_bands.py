@@ -20,7 +20,8 @@ from solvers.superelement.lattice import Periodic
 # condensed to its lower and upper edge; u(y + p) = lambda u(y) asks that the edges' forces balance. A row that is its
 # own mirror image splits into symmetric and antisymmetric motion, and the Cayley variable tau = (1 - lambda)/(1 +
 # lambda) turns the problem into a linear pencil in tau^2 of half the size: waves come in exact pairs k, -k, and no
-# transfer matrix is formed (mead1973, zhong1995).
+# transfer matrix is formed (mead1973, zhong1995). Cells with the loss H of their materials have K - i H, since waves go as
+# exp(i (k_y y - w t)): then every wave decays.
 
 PROPAGATING = 1e-7  # of |log|lambda||: below it a wave carries energy and does not decay
 MIRROR = 1e-9  # relative: how far a row may be from its mirror image
@@ -95,10 +96,18 @@ class Row:
         parts = [(cell, own[: len(cell.dropped)]) for cell, own in self.periodic.parts(self.transform)]
         return [(cell.residual, np.asarray(own.conj().T @ (cell.dropped @ own))) for cell, own in parts]
 
+    @cached_property
+    def loss(self) -> ComplexArray | None:
+        """Hermitian loss of [lower edge, upper edge, inner]; None for cells without it."""
+        if any(cell.loss is None for cell in self.periodic.cells):
+            return None
+        return self.periodic.reduced(self.transform, "loss")
+
     def dynamic(self, value: float) -> ComplexArray:
-        """Hermitian dynamic stiffness at a scaled eigenvalue."""
+        """Dynamic stiffness at a scaled eigenvalue, Hermitian without loss."""
         softer = sum(float(left_out.softening(value)) * part for left_out, part in self._flexibility)
-        return np.asarray(self.stiffness - value * self.mass - softer)
+        elastic = np.asarray(self.stiffness - value * self.mass - softer)
+        return elastic if self.loss is None else np.asarray(elastic - 1j * self.loss)
 
     @cached_property
     def mirror_sign(self) -> FloatArray:
@@ -123,7 +132,8 @@ class Row:
             )
         follow = -lu_solve(factors, coupling)
         edges = dynamic[:n, :n] + dynamic[:n, n:] @ follow
-        edges = (edges + edges.conj().T) / 2.0
+        if self.loss is None:
+            edges = (edges + edges.conj().T) / 2.0
         m = self.edge
         return RowStiffness(edges[:m, :m], edges[:m, m:], edges[m:, :m], edges[m:, m:]), np.asarray(follow)
 
@@ -174,7 +184,7 @@ class KeptRow(Row):
         own = [
             (cell.size_m, cell.interface, cell.scale, cell.dropped_hz, *(part.tobytes() for part in matrices))
             for cell in self.periodic.cells
-            for matrices in ((cell.stiffness, cell.mass, cell.dropped),)
+            for matrices in ((cell.stiffness, cell.mass, cell.dropped, *([] if cell.loss is None else [cell.loss])),)
         ]
         return self.kx, self.periodic.shift, *own
 
@@ -182,15 +192,15 @@ class KeptRow(Row):
 def _paired(d: RowStiffness, sign: FloatArray) -> tuple[ComplexArray, ComplexArray]:
     """A row that is its own mirror image: eigenvalues tau^2 of a pencil of the edge's size, lambda = (1-tau)/(1+tau).
 
-    With q = (a, b) by the sign under the mirror, K_s = D_bb + D_bt S, K_t = D_bb - D_bt S, G = (K_t - K_s)_ab:
-    [K_s,aa  -G; 0  K_t,bb] (a, tau b) = tau^2 [K_t,aa  0; -G^H  K_s,bb] (a, tau b).
+    With q = (a, b) by the sign under the mirror, K_s = D_bb + D_bt S, K_t = D_bb - D_bt S, G = K_t - K_s:
+    [K_s,aa  -G_ab; 0  K_t,bb] (a, tau b) = tau^2 [K_t,aa  0; -G_ba  K_s,bb] (a, tau b).
     """
     even, odd = np.flatnonzero(sign > 0), np.flatnonzero(sign < 0)
     together, apart = d.bb + d.bt * sign, d.bb - d.bt * sign
-    coupling = apart[np.ix_(even, odd)] - together[np.ix_(even, odd)]
+    coupling, back = ((apart - together)[np.ix_(*ends)] for ends in ((even, odd), (odd, even)))
     none, evens, odds = np.zeros_like(coupling), np.ix_(even, even), np.ix_(odd, odd)
     left = np.block([[together[evens], -coupling], [none.T, apart[odds]]])
-    right = np.block([[apart[evens], none], [-coupling.conj().T, together[odds]]])
+    right = np.block([[apart[evens], none], [-back, together[odds]]])
     scale = np.abs(left).max()
     (alpha, beta), vectors = eig(left / scale, right / scale, homogeneous_eigvals=True)
     root = _root(alpha, beta)

@@ -133,7 +133,7 @@ def test_a_driven_plate_is_confined_by_the_definition_of_its_modes() -> None:
     (group,) = forced.modes
     (field,) = group.group.touch(group.columns)
     eigenvalue = plate.scale.eigenvalue(tone)
-    moved = field.values @ group.amplitudes(eigenvalue, forced.loss, forced.volts(eigenvalue))
+    moved = field.values @ group.amplitudes(eigenvalue, forced.volts(eigenvalue))
     curve = forced.curve(np.array([tone]))
     assert curve.passive_rms_m_per_v is not None
     level = ratio_db(curve.zone_rms_m_per_v, curve.passive_rms_m_per_v)

@@ -40,7 +40,7 @@ def forced() -> ForcedPlate:
 
 def peak_near(plate: ForcedPlate, tone: float) -> Peak:
     top = near_hz(plate, tone)
-    reach = DECAYED * top * plate.loss
+    reach = DECAYED * top * plate.loss_at(top)
     return peak_of(curve_about(plate, top - reach, top + reach, AROUND_PEAK, [top]), top)
 
 

@@ -23,6 +23,9 @@ class Two:
     def __init__(self, *peaks: tuple[float, float], quality_factor: float = 300.0) -> None:
         self.peaks, self.loss = peaks, 1.0 / quality_factor
 
+    def loss_at(self, frequency_hz: float) -> float:
+        return self.loss
+
     def curve(self, frequency_hz: np.ndarray) -> Curve:
         f = np.asarray(frequency_hz, dtype=float)
         total = sum(a * self.loss / (1.0 - (f / f0) ** 2 + 1j * self.loss) for f0, a in self.peaks)

@@ -205,7 +205,7 @@ def test_crests_run_as_the_outer_skin_of_the_plate_moves(
             plate.skin(part[:, None].imag).unfolded(plate.symmetry),
         )
         for basis in forced.modes
-        for moved in [basis.columns @ basis.amplitudes(eigenvalue, forced.loss, forced.volts(eigenvalue))]
+        for moved in [basis.columns @ basis.amplitudes(eigenvalue, forced.volts(eigenvalue))]
         for plate, part in zip(basis.group.plates, basis.group.split(moved), strict=True)
     ]
     points = skins[0][0].points

@@ -87,7 +87,7 @@ def test_the_modal_table_is_the_forced_plate(tone: float) -> None:
     moved = sum(
         face_motion(basis.group, points)
         @ basis.columns
-        @ np.column_stack([basis.amplitudes(eigenvalue, plate.loss, own) for own in volts.T])
+        @ np.column_stack([basis.amplitudes(eigenvalue, own) for own in volts.T])
         for basis in plate.modes
     )
     for ours, theirs in ((sensor_matrix(table, tone), volts[2:]), (field_matrix(table, tone), moved)):
@@ -159,7 +159,7 @@ def plate_table_free(forced: ForcedPlate, points: np.ndarray) -> np.ndarray:
     moved = [
         face_motion(basis.group, points)
         @ basis.columns
-        @ np.column_stack([basis.amplitudes(eigenvalue, forced.loss, own) for own in volts.T])
+        @ np.column_stack([basis.amplitudes(eigenvalue, own) for own in volts.T])
         for basis in forced.modes
     ]
     return np.asarray(np.sum(moved, axis=0))

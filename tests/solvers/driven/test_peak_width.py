@@ -37,7 +37,7 @@ def patched() -> PatchedPlate:
 
 def peak(plate: ForcedPlate, tone: float) -> tuple[float, tuple[float, float]]:
     """A peak and its half-power points on a grid so fine that a change of 1e-5 is seen."""
-    width = tone * plate.loss
+    width = tone * plate.loss_at(tone)
     even = np.linspace(tone - 2.0 * width, tone + 2.0 * width, 20001)
     level = plate.curve(even).zone_rms_m_per_v
     at = int(np.argmax(level))

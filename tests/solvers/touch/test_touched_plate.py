@@ -110,13 +110,13 @@ def test_modes_with_a_finger_meet_a_direct_solve_of_the_whole_model(tip: Fingert
     else:
         spring = plate.finger.dynamic_stiffness(frequency) / unit
         direct = spla.splu(sp.csc_array(matrix + spring * (rows.T @ rows))).solve(right)
-    parts = [basis.columns @ basis.amplitudes(eigenvalue, plate.loss, answer) for basis in plate.modes]
+    parts = [basis.columns @ basis.amplitudes(eigenvalue, answer) for basis in plate.modes]
     assert np.linalg.norm(np.concatenate(parts) - direct) < 20.0 / QUALITY * np.linalg.norm(direct)
     charge = unit * (loads.T @ direct) + plate.plate.capacitance_f * answer[:2]
     assert abs(charge[1]) < 10.0 / QUALITY * abs(
         plate.plate.capacitance_f[1] * answer[1]
     )  # the open sensor carries none
-    alone = [basis.columns @ basis.amplitudes(eigenvalue, plate.loss, answer[:2]) for basis in free().all_modes]
+    alone = [basis.columns @ basis.amplitudes(eigenvalue, answer[:2]) for basis in free().all_modes]
     assert np.linalg.norm(np.concatenate(alone) - direct) > 0.1 * np.linalg.norm(direct)  # the finger is felt
 
 
@@ -246,7 +246,7 @@ def direct_rms(forced: ForcedPlate, finger: Finger, rows: sp.csr_array, fine: sp
         sp.block_diag([getattr(group.pencil, name) for group in groups], format="csc") for name in ("stiffness", "mass")
     )
     spring = finger.dynamic_stiffness(tone) / forced.plate.stiffness_unit
-    matrix = stiffness * (1.0 + 1j * forced.loss) - scale.eigenvalue(tone) * mass + spring * (rows.T @ rows)
+    matrix = stiffness * (1.0 + 1j * forced.loss_at(tone)) - scale.eigenvalue(tone) * mass + spring * (rows.T @ rows)
     load = np.vstack([group.loads for group in groups])[:, 0].astype(complex)
     return rms(fine @ spla.splu(sp.csc_array(matrix)).solve(load))
 
