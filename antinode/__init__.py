@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from antinode.plate import AntinodeWarning, Plate, load
     from antinode.sweeps import SweepTable, open, sweep
-    from pipeline.case.schema import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
+    from pipeline.case.schema import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Section, Solve, Zone
     from pipeline.errors import InputError
     from pipeline.models.answer_parts import ModeRecord as Mode
     from pipeline.models.answer_parts import TargetRecord as Target
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pipeline.questions.travel import TravelResult as Travel
     from solvers.errors import SolverError
 
-TABLES = ("Array", "BandPath", "Damping", "Finger", "Patches", "Pillar", "Scatter", "Solve", "Tip", "Zone")
+TABLES = ("Array", "BandPath", "Damping", "Finger", "Patches", "Pillar", "Scatter", "Section", "Solve", "Zone")
 ANSWERS = (  # results of questions
     *("Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign", "Response"),
     *("Search", "Tolerance", "Touch", "Travel"),
@@ -60,7 +60,19 @@ __all__ = [
     "load",
     "open",
 ]
-__all__ += ["Array", "BandPath", "Damping", "Finger", "Patches", "Pillar", "Scatter", "Solve", "Tip", "Zone", "sweep"]
+__all__ += [
+    "Array",
+    "BandPath",
+    "Damping",
+    "Finger",
+    "Patches",
+    "Pillar",
+    "Scatter",
+    "Section",
+    "Solve",
+    "Zone",
+    "sweep",
+]
 __all__ += ["Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign", "Response", "Search"]
 __all__ += ["Tolerance", "Touch", "Travel"]
 

@@ -51,8 +51,8 @@ class Plate(Frozen):
         Material by its name, or by young_GPa, density_kg_m3 and poisson.
     thickness_mm : float, optional
         Thickness of the plate in mm.
-    zone, pillar, tip, array, solve, bands, damping, patches, tolerance, touch : optional
-        Tables of a case file, as Zone, Pillar, Tip, Array, Solve, BandPath, Damping, Patches, Scatter, Finger or plain
+    zone, pillar, array, solve, bands, damping, patches, tolerance, touch : optional
+        Tables of a case file, as Zone, Pillar, Array, Solve, BandPath, Damping, Patches, Scatter, Finger or plain
         dictionaries, in the units of their keys.
 
     Raises
@@ -76,7 +76,6 @@ class Plate(Frozen):
         thickness_mm: float | None = None,
         zone: schema.Zone | dict[str, Any] | None = None,
         pillar: schema.Pillar | dict[str, Any] | None = None,
-        tip: schema.Tip | dict[str, Any] | None = None,
         array: schema.Array | dict[str, Any] | None = None,
         solve: schema.Solve | dict[str, Any] | None = None,
         bands: schema.BandPath | dict[str, Any] | None = None,
@@ -87,7 +86,7 @@ class Plate(Frozen):
     ) -> None:
         plate = {"thickness_mm": thickness_mm} if thickness_mm else None
         given: dict[str, Any] = {"name": name, "material": material, "plate": plate}
-        given |= {"zone": zone, "pillar": pillar, "tip": tip, "array": array, "solve": solve, "bands": bands}
+        given |= {"zone": zone, "pillar": pillar, "array": array, "solve": solve, "bands": bands}
         given |= {"damping": damping, "patches": patches, "tolerance": tolerance, "touch": touch}
         self._bind({key: plain(value) for key, value in given.items() if value is not None}, None)
 

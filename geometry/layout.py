@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import atan2, floor, inf
+from itertools import pairwise
+from math import atan2, floor, inf, pi
 from typing import Literal
 
 import numpy as np
@@ -43,26 +44,59 @@ def half_wavelength_m(length_m: float, nodal_lines: int) -> float | None:
 
 
 @dataclass(frozen=True)
-class Tip:
-    """A heavy tip: a square prism of its own material on a pillar's top, its sides along x and y. Lengths in m."""
+class Section:
+    """A part of a pillar that stands on the part below, about the same axis: shape, sizes and height in m, material."""
 
-    side_m: float
+    shape: str
+    base_m: float
+    tip_m: float
     height_m: float
     material: Material
+    more_m: tuple[tuple[str, float], ...] = ()
+
+    @classmethod
+    def square(cls, side_m: float, height_m: float, material: Material) -> Section:
+        """A square prism."""
+        return cls("square", side_m, side_m, height_m, material)
 
     @property
-    def rectangles(self) -> FloatArray:
-        """Its outline as one rectangle x0, x1, y0, y1 about the pillar's axis, (1, 4) m."""
-        half = self.side_m / 2.0
-        return np.array([[-half, half, -half, half]])
+    def form(self) -> PillarShape:
+        """Its shape with its sizes. Raises GeometryError for an unknown name."""
+        return shape_of(self.shape, self.base_m, self.tip_m, self.more_m, None)
+
+    @property
+    def outline(self) -> tuple[object, ...]:
+        """Its section at foot and top: equal for parts that differ in height and material alone."""
+        return self.shape, self.base_m, self.tip_m, self.more_m
 
     @property
     def mass_kg(self) -> float:
         """Its mass, kg."""
-        return self.side_m**2 * self.height_m * self.material.density_kg_m3
+        return self.form.volume_m3(self.height_m) * self.material.density_kg_m3
 
 
-PLAIN = "square, round, hexagonal, tapered or cross-shaped pillars without fillet or heavy tip, on the back alone,"
+MAX_SECTIONS = 8
+
+
+def section_names(count: int) -> tuple[str, ...]:
+    """Name the regions of a mesh for the sections of a pillar.
+
+    Parameters
+    ----------
+    count : int
+        Number of sections.
+
+    Returns
+    -------
+    tuple of str
+        From the foot: pillar, then section2 and so on.
+    """
+    return ("pillar", *(f"section{number}" for number in range(2, count + 1)))
+
+
+Rim = tuple[tuple[Material, float], tuple[Material, float]]  # wedges at an edge: material and angle in rad
+
+PLAIN = "square, round, hexagonal, tapered or cross-shaped pillars of one section without fillet, on the back alone,"
 
 
 @dataclass(frozen=True)
@@ -76,7 +110,7 @@ class Pillar:
     base_m, tip_m : float
         Widths of foot and tip.
     height_m : float
-        Height without a heavy tip.
+        Height of its first section.
     material : Material
         Its material.
     fillet_m : float
@@ -85,8 +119,8 @@ class Pillar:
         CAD file of the shape.
     more_m : tuple of tuple
         Further sizes of the shape, as pairs of name and length.
-    tip : Tip or None
-        Heavy tip on its top.
+    upper : tuple of Section
+        Its sections above the first one, from the foot up.
     faces : int
         1 on the back only, 2 with its mirror image on the touch face.
     """
@@ -99,7 +133,7 @@ class Pillar:
     fillet_m: float = 0.0
     file: str | None = None
     more_m: tuple[tuple[str, float], ...] = ()
-    tip: Tip | None = None
+    upper: tuple[Section, ...] = ()
     faces: int = 1
 
     @property
@@ -114,45 +148,72 @@ class Pillar:
 
     @property
     def top_m(self) -> float:
-        """Height from foot to top, the heavy tip included, m."""
-        return self.height_m + (self.tip.height_m if self.tip else 0.0)
+        """Height from foot to top, m."""
+        return self.height_m + sum(section.height_m for section in self.upper)
+
+    @property
+    def parts(self) -> tuple[Pillar | Section, ...]:
+        """All sections from the foot up, the first one with the pillar's own fillet and file."""
+        return self, *self.upper
+
+    @property
+    def highest(self) -> int:
+        """Number of its highest section from 0, the lowest of equal ones: pre-design varies the height of this one."""
+        heights = [section.height_m for section in self.parts]
+        return heights.index(max(heights))
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """All sections from the foot up; the first one's fillet and STEP file are the pillar's."""
+        first = Section(self.shape, self.base_m, self.tip_m, self.height_m, self.material, self.more_m)
+        return first, *self.upper
+
+    @property
+    def levels_m(self) -> tuple[float, ...]:
+        """Heights above the foot where sections begin and end, ascending from 0, m."""
+        return tuple(np.cumsum([0.0, self.height_m, *(section.height_m for section in self.upper)]).tolist())
 
     @property
     def widest_m(self) -> float:
-        """Largest extent of foot and heavy tip, m."""
-        return max(self.footprint_m, self.tip.side_m if self.tip else 0.0)
+        """Largest extent of its sections, the foot's fillet included, m."""
+        return max([self.footprint_m, *(section.form.footprint_m(0.0) for section in self.upper)])
 
     @property
     def reach_m(self) -> tuple[float, float]:
-        """Extent of the pillar along x and y at any height, fillet and heavy tip included, m."""
-        x, y = self.form.reach_m(self.fillet_m)
-        side = self.tip.side_m if self.tip else 0.0
-        return max(x, side), max(y, side)
+        """Extent of the pillar along x and y at any height, fillet included, m."""
+        reaches = [self.form.reach_m(self.fillet_m), *(section.form.reach_m(0.0) for section in self.upper)]
+        return max(x for x, _ in reaches), max(y for _, y in reaches)
 
     @property
     def features(self) -> dict[str, float]:
         """Lengths in plan that a printer must resolve and a mesh must follow, m."""
-        return self.form.features | ({"heavy tip": self.tip.side_m} if self.tip else {})
+        own = self.form.features
+        for number, section in enumerate(self.upper, start=2):
+            own |= {f"section {number}, {name}": size for name, size in section.form.features.items()}
+        return own
 
     @property
     def smallest_m(self) -> float:
-        """The smallest of them and of the heavy tip's height, m."""
-        return min([*self.features.values(), *([self.tip.height_m] if self.tip else [])])
+        """The smallest of them and of the heights of several sections, m."""
+        return min([*self.features.values(), *(section.height_m for section in self.sections if self.upper)])
 
     @property
     def is_made_of_boxes(self) -> bool:
         """True when structured hexahedra can follow the pillar exactly."""
-        return self.form.rectangles is not None and self.fillet_m == 0.0
+        return self.fillet_m == 0.0 and all(each.form.rectangles is not None for each in self.parts)
 
     @property
     def takes_hexahedra(self) -> bool:
         """True when hexahedra, straight or curved, can follow the pillar where its panel leaves them room."""
-        return self.is_made_of_boxes or (self.form.grows and not self.fillet_m and self.tip is None)
+        upright = {section.outline for section in self.sections} == {
+            self.sections[0].outline
+        } and self.base_m == self.tip_m
+        return self.is_made_of_boxes or (self.form.grows and not self.fillet_m and (not self.upper or upright))
 
     @property
     def is_plain(self) -> bool:
         """True when the pillar can grow as a whole and hexahedra follow it, as PLAIN describes."""
-        return self.form.grows and not self.fillet_m and self.tip is None and self.faces == 1
+        return self.form.grows and not self.fillet_m and not self.upper and self.faces == 1
 
     @property
     def wall_angle(self) -> float:
@@ -162,13 +223,13 @@ class Pillar:
     @property
     def is_square_prism(self) -> bool:
         """True when the pillar is a single box on a square foot: only such pillars can be varied, or were calibrated."""
-        return self.form.is_square_prism and self.fillet_m == 0.0 and self.tip is None
+        return self.form.is_square_prism and self.fillet_m == 0.0 and not self.upper
 
     @property
     def mirrors(self) -> tuple[str, ...]:
         """Mirrors that leave its shape and its materials alone: x, y, and "d", which exchanges x and y."""
-        laws = [self.material, self.tip.material] if self.tip else [self.material]
-        return tuple(name for name in self.form.mirrors if all(name in law.mirrors for law in laws))
+        own = [section.form.mirrors for section in self.upper] + [section.material.mirrors for section in self.upper]
+        return tuple(name for name in self.form.mirrors if all(name in each for each in (self.material.mirrors, *own)))
 
     @property
     def is_symmetric(self) -> bool:
@@ -176,23 +237,31 @@ class Pillar:
         return {"x", "y"} <= {*self.mirrors}
 
     @property
-    def joints(self) -> tuple[tuple[Material, Material], ...]:
-        """Re-entrant edges where the heavy tip meets the pillar: the wider part's material, then the narrower one's."""
-        if self.tip is None or self.tip.side_m == self.base_m:
-            return ()
-        pair = self.tip.material, self.material
-        return (pair if self.tip.side_m > self.base_m else pair[::-1],)
+    def joints(self) -> tuple[Rim, ...]:
+        """Edges at which stress is singular where its sections meet: the material and the angle in rad of either part."""
+        found: list[Rim] = []
+        for below, above in pairwise(self.sections):
+            parts = (below.material, pi), (above.material, pi)
+            halved = tuple((material, angle / 2.0) for material, angle in parts)
+            if below.tip_m > above.base_m:
+                found.append((parts[0], halved[1]))
+            elif below.tip_m < above.base_m:
+                found.append((parts[1], halved[0]))
+            elif below.material != above.material:
+                found.append((halved[0], halved[1]))
+        return tuple(found)
 
     @property
     def volume_m3(self) -> float:
-        """Volume without fillet, with the heavy tip, m3; NaN where it is not known."""
-        return self.form.volume_m3(self.height_m) + (self.tip.side_m**2 * self.tip.height_m if self.tip else 0.0)
+        """Volume without fillet, m3; NaN where it is not known."""
+        return sum(section.form.volume_m3(section.height_m) for section in self.parts)
 
     @property
     def mass_kg(self) -> float:
-        """Mass without fillet, with the heavy tip, kg; NaN where the volume is not known."""
-        stem = self.form.volume_m3(self.height_m) * self.material.density_kg_m3
-        return stem + (self.tip.mass_kg if self.tip else 0.0)
+        """Mass without fillet, kg; NaN where the volume is not known."""
+        return self.form.volume_m3(self.height_m) * self.material.density_kg_m3 + sum(
+            section.mass_kg for section in self.upper
+        )
 
 
 def region_materials(stack: Stack, pillar: Pillar | None) -> dict[str, Material]:
@@ -208,11 +277,10 @@ def region_materials(stack: Stack, pillar: Pillar | None) -> dict[str, Material]
     Returns
     -------
     dict of Material
-        Materials by region: those of the stack, body, pillar and tip.
+        Materials by region: those of the stack, body, and the pillar's sections.
     """
-    own = pillar.material if pillar else stack.back
-    tip = pillar.tip.material if pillar and pillar.tip else own
-    return stack.regions | {"body": stack.back, "pillar": own, "tip": tip}
+    sections = [section.material for section in pillar.sections] if pillar else [stack.back]
+    return stack.regions | {"body": stack.back} | dict(zip(section_names(len(sections)), sections, strict=True))
 
 
 @dataclass(frozen=True)
@@ -283,10 +351,9 @@ class Design:
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """Materials of plate, pillars and heavy tips, each once."""
-        tips = (pillar.tip.material for pillar in self.kinds if pillar.tip)
-        named = (*(layer.material for layer in self.stack.layers), *(pillar.material for pillar in self.kinds), *tips)
-        return tuple(dict.fromkeys(named))
+        """Materials of plate and pillars, each once."""
+        sections = (section.material for pillar in self.kinds for section in pillar.sections)
+        return tuple(dict.fromkeys((*(layer.material for layer in self.stack.layers), *sections)))
 
     @property
     def is_staggered(self) -> bool:
@@ -362,7 +429,7 @@ class Design:
 
     @property
     def footprint_m(self) -> float:
-        """Largest extent of the widest pillar's foot and heavy tip, 0 without pillars, m."""
+        """Largest extent of the widest pillar's section, 0 without pillars, m."""
         return max((pillar.widest_m for pillar in self.kinds), default=0.0) if self.row_pillars else 0.0
 
     @property

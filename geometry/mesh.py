@@ -64,6 +64,11 @@ class _Named:
         """Header of the hash."""
         raise NotImplementedError
 
+    @property
+    def standing(self) -> tuple[str, ...]:
+        """Regions of the pillars."""
+        return tuple(name for name in self.regions if name == "pillar" or name.startswith("section"))
+
     def region_of_cells(self) -> dict[str, IntArray]:
         """Regions, or the whole mesh as `body` when none is named."""
         return self.regions or {"body": np.arange(self.cell_count)}

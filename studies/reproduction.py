@@ -228,11 +228,11 @@ def _of_glass(record: Record) -> tuple[str, ...] | None:
     if design is None:
         return None
     pillar = design.pillar if design.rows else None
-    tip = pillar.heavy_tip if pillar else None
+    cap = pillar.upper[-1] if pillar and pillar.upper else None
     return (
         str(design.rows),
         f"{1e3 * pillar.base_m:g} x {1e3 * pillar.height_m:g}" if pillar else "none",
-        f"{1e3 * tip.side_m:g} x {1e3 * tip.height_m:g}" if tip else "none",
+        f"{1e3 * cap.base_m:g} x {1e3 * cap.height_m:g}" if cap else "none",
         f"{1e3 * design.width_m:g}",
         *_mode(record),
     )
@@ -303,7 +303,7 @@ def _stand(record: Record) -> str:
 
 def _pillars(record: Record) -> str:
     pillar = record.design.pillar if record.design and record.design.rows else None
-    return "no pillars" if pillar is None else "heavy tips" if pillar.heavy_tip else "plain pillars"
+    return "no pillars" if pillar is None else "heavy caps" if pillar.upper else "plain pillars"
 
 
 def _faces(record: Record) -> str:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import GeometryError, MeshError
-from geometry.layout import Design, Pillar, PillarGroup
+from geometry.layout import Design, Pillar, PillarGroup, section_names
 from geometry.materials import Stack, layer_names
 from geometry.tiling import Panel
 
@@ -54,9 +54,9 @@ class Body:
     thickness_m : float
         Thickness of the plate; 0 for the isolated pillar.
     bonds : frozenset of str
-        Parts ("pillar", "tip", "layer2" and so on) of a material other than that of the part below.
-    tips : tuple of Box
-        Heavy tips whose material is not their pillar's.
+        Parts ("pillar", "section2", "layer2" and so on) of a material other than that of the part below.
+    upper : tuple
+        Upper parts of pillars: the name and the box round each.
     joints_m : tuple of float
         Heights where layers of the plate meet.
     """
@@ -64,13 +64,13 @@ class Body:
     shape: Any
     thickness_m: float
     bonds: frozenset[str] = frozenset()
-    tips: tuple[Box, ...] = ()
+    upper: tuple[tuple[str, Box], ...] = ()
     joints_m: tuple[float, ...] = ()
 
     @property
     def regions(self) -> tuple[str, ...]:
         """Names of the regions that the body may have."""
-        return (*layer_names(len(self.joints_m) + 1), "pillar", "tip")
+        return (*layer_names(len(self.joints_m) + 1), "pillar", *dict.fromkeys(name for name, _ in self.upper))
 
     @property
     def bonded(self) -> bool:
@@ -84,11 +84,11 @@ class Body:
 
     def region_of(self, points: NDArray[np.float64]) -> NDArray[np.str_]:
         """Name of the region that holds each point (n, 3) of the body, m."""
-        height, layers = points[:, 2], np.array(self.regions[:-2], dtype="<U16")
+        height, layers = points[:, 2], np.array(layer_names(len(self.joints_m) + 1), dtype="<U16")
         inside = layers[np.searchsorted(np.asarray(self.joints_m, dtype=float), height)]
         names = np.where((height > self.thickness_m) | (height < 0.0), "pillar", inside)
-        for box in self.tips:
-            names[((points > np.array(box.low)) & (points < np.array(box.high))).all(axis=1)] = "tip"
+        for name, box in self.upper:
+            names[((points > np.array(box.low)) & (points < np.array(box.high))).all(axis=1)] = name
         return names
 
     def part_volumes_m3(self) -> dict[str, float]:
@@ -210,7 +210,7 @@ class CadSurface:
 
 
 def pillar_solid(pillar: Pillar) -> Body:
-    """Build the isolated pillar: foot on z = 0, axis +z, with fillet and heavy tip.
+    """Build the isolated pillar: foot on z = 0, axis +z, with fillet and all sections.
 
     Parameters
     ----------
@@ -220,19 +220,20 @@ def pillar_solid(pillar: Pillar) -> Body:
     Returns
     -------
     Body
-        The pillar, thickness 0; a tip of another material is bonded to it.
+        The pillar, thickness 0; sections of other materials are bonded to it.
 
     Raises
     ------
     GeometryError
         If the shape or its fillet cannot be built, or the STEP file is not a pillar.
     """
-    tips = _tips(PillarGroup(pillar, np.zeros((1, 2))), 0.0, "")
     with _KERNEL:
-        if not tips:
-            return Body(_pillar_shape(pillar), 0.0)
-        shape = _share_faces([_pillar_shape(pillar), *_solids(tips)])
-    return Body(shape, 0.0, bonds=frozenset(["tip"]), tips=tips)
+        (_, stem), *upper = _parts(pillar)
+        if not upper:
+            return Body(stem, 0.0)
+        shape = _share_faces([stem, *(shape for _, shape in upper)])
+        boxes = tuple(_box_of(name, shape) for name, shape in upper)
+    return Body(shape, 0.0, frozenset(name for name, _ in upper), boxes)
 
 
 def zone_solid(design: Design, mirrors: str = "") -> Body:
@@ -317,7 +318,7 @@ def plate_solid(design: Design, mirrors: str = "") -> Body:
     Returns
     -------
     Body
-        The plate; pillars and tips of other materials are bonded to it.
+        The plate; pillars and sections of other materials are bonded to it.
 
     Raises
     ------
@@ -399,63 +400,53 @@ def _assemble(design: Design, size_m: tuple[float, float], stands: tuple[PillarG
 
 
 def _united(design: Design, size_m: tuple[float, float], stands: tuple[PillarGroup, ...], mirrors: str) -> Body:
-    pillars = [pillar for each in stands for pillar in _standing(each, design.thickness_m, mirrors)]
-    tips = tuple(box for each in stands for box in _tips(each, design.thickness_m, mirrors))
-    foreign = bool(pillars and design.pillar and design.pillar.material != design.stack.back)
-    foreign |= bool(pillars and design.layers)  # of the back's own material they would be a layer by height alone
-    stack = design.stack
-    bonds = frozenset(name for name, bonded in (("pillar", foreign), ("tip", bool(tips))) if bonded)
+    placed = [part for each in stands for part in _standing(each, design.thickness_m, mirrors)]
+    stems, upper = ([part for part in placed if (part[0] == "pillar") == is_stem] for is_stem in (True, False))
+    foreign = bool(stems and design.pillar and design.pillar.material != design.stack.back)
+    foreign |= bool(stems and design.layers)  # of the back's own material they would be a layer by height alone
+    stack, pillars = design.stack, [shape for _, shape in stems]
+    bonds = frozenset(["pillar"] if foreign else []) | {name for name, _ in upper}
     bonds |= frozenset(stack.region_names[1:])
     blocks = _blocks(size_m, stack, mirrors)
     if pillars and not foreign:  # one boolean for all: pairwise fusing grows with the square of their number
         blocks, pillars = [_one_solid(blocks[0].fuse(*pillars), "plate and pillars")], []
-    shape = _share_faces([*blocks, *pillars, *_solids(tips)]) if bonds else blocks[0]
-    return Body(shape, design.thickness_m, bonds, tips, stack.joints_m)
+    shape = _share_faces([*blocks, *pillars, *(part for _, part in upper)]) if bonds else blocks[0]
+    boxes = tuple(_box_of(*part) for part in upper)
+    return Body(shape, design.thickness_m, bonds, boxes, stack.joints_m)
 
 
-def _solids(boxes: tuple[Box, ...]) -> list[Any]:
-    return [_box(np.array(box.low), np.array(box.high)) for box in boxes]
+def _box_of(name: str, shape: Any) -> tuple[str, Box]:
+    """The box round a part, with its name."""
+    box = shape.BoundingBox(1e-9)
+    low, high = (box.xmin, box.ymin, box.zmin), (box.xmax, box.ymax, box.zmax)
+    return name, Box(*((x / MM, y / MM, z / MM) for x, y, z in (low, high)))
 
 
-def _tips(stand: PillarGroup, thickness_m: float, mirrors: str) -> tuple[Box, ...]:
-    """Heavy tips whose material is not their pillar's, cut by the mirrors, those beyond one left out."""
-    pillar, tip = stand.pillar, stand.pillar.tip
-    if tip is None or tip.material == pillar.material:
-        return ()
-    bottom, half, near = thickness_m + pillar.height_m, tip.side_m / 2.0, 0.25 * pillar.base_m
-    boxes = []
-    for centre in stand.centres:
-        kept = [letter in mirrors for letter in "xy"]
-        if any(cut and at < -near for at, cut in zip(centre, kept, strict=True)):
-            continue
-        low = [0.0 if cut and at < near else float(at) - half for at, cut in zip(centre, kept, strict=True)]
-        x1, y1 = (float(at) + half for at in centre)
-        spans = [(bottom, bottom + tip.height_m), (thickness_m - bottom - tip.height_m, thickness_m - bottom)]
-        boxes += [Box((low[0], low[1], z0), (x1, y1, z1)) for z0, z1 in spans[: pillar.faces]]
-    return tuple(boxes)
-
-
-def _standing(stand: PillarGroup, thickness_m: float, mirrors: str) -> list[Any]:
-    """Pillars moved to their places on one face or both, those on a mirror cut by it, those beyond it left out."""
+def _standing(stand: PillarGroup, thickness_m: float, mirrors: str) -> list[tuple[str, Any]]:
+    """Parts of pillars with their names, moved to their places on one face or both; those on a mirror cut by it, those
+    beyond it left out.
+    """
     import cadquery as cq
 
     if not len(stand.centres):
         return []
-    shape, near = _pillar_shape(stand.pillar), 0.25 * stand.pillar.base_m
-    halves: dict[str, Any] = {"": shape}
-    below: dict[str, Any] = {}
+    parts, near = _parts(stand.pillar), 0.25 * stand.pillar.base_m
+    known: dict[tuple[str, str, bool], Any] = {(name, "", False): shape for name, shape in parts}
     placed = []
     for x, y in stand.centres:
         at = {"x": x, "y": y}
         if any(at[letter] < -near for letter in mirrors):
             continue
         cut = "".join(letter for letter in mirrors if at[letter] < near)
-        if cut not in halves:
-            halves[cut] = _half(shape, cut)
-        placed.append(halves[cut].moved(cq.Location(cq.Vector(MM * x, MM * y, MM * thickness_m))))
-        if stand.pillar.faces == 2:
-            below[cut] = below[cut] if cut in below else halves[cut].mirror("XY")
-            placed.append(below[cut].moved(cq.Location(cq.Vector(MM * x, MM * y, 0.0))))
+        for name, shape in parts:
+            if (name, cut, False) not in known:
+                known[name, cut, False] = _half(shape, cut)
+            own = known[name, cut, False]
+            placed.append((name, own.moved(cq.Location(cq.Vector(MM * x, MM * y, MM * thickness_m)))))
+            if stand.pillar.faces == 2:
+                if (name, cut, True) not in known:
+                    known[name, cut, True] = own.mirror("XY")
+                placed.append((name, known[name, cut, True].moved(cq.Location(cq.Vector(MM * x, MM * y, 0.0)))))
     return placed
 
 
@@ -475,14 +466,21 @@ def _half(shape: Any, mirrors: str) -> Any:
     return kept
 
 
-def _pillar_shape(pillar: Pillar) -> Any:
-    """The pillar with its foot fillet and a heavy tip of its own material."""
-    stem, tip = _stem_shape(pillar), pillar.tip
-    if tip is None or tip.material != pillar.material:
-        return stem
-    (x0, x1, y0, y1), foot = tip.rectangles[0], pillar.height_m
-    head = _box(np.array([x0, y0, foot]), np.array([x1, y1, foot + tip.height_m]))
-    return _one_solid(stem.fuse(head).clean(), "a pillar and its heavy tip")
+def _parts(pillar: Pillar) -> list[tuple[str, Any]]:
+    """Parts of a pillar on z = 0, named after their lowest section; sections of one material that touch are one part."""
+    import cadquery as cq
+
+    sections, names = pillar.sections, section_names(len(pillar.sections))
+    parts = [("pillar", _stem_shape(pillar))]
+    for place in range(1, len(sections)):
+        own, below = sections[place], sections[place - 1]
+        shape = own.form.solid(own.height_m).moved(cq.Location(cq.Vector(0.0, 0.0, MM * pillar.levels_m[place])))
+        if own.material == below.material:
+            name, lower = parts.pop()
+            parts.append((name, _one_solid(lower.fuse(shape).clean(), "two sections of a pillar")))
+        else:
+            parts.append((names[place], shape))
+    return parts
 
 
 def _stem_shape(pillar: Pillar) -> Any:
@@ -541,7 +539,7 @@ def _share_faces(solids: list[Any]) -> Any:
     volume = sum(solid.Volume() for solid in solids)
     if len(shape.Solids()) != len(solids) or abs(shape.Volume() - volume) > SAME_VOLUME * volume:
         raise GeometryError(
-            "bonded parts overlap: pillars and tips may touch the plate and each other, but not intersect"
+            "bonded parts overlap: sections of pillars may touch the plate and each other, but not intersect"
         )
     return shape
 

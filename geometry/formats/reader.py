@@ -29,12 +29,13 @@ from geometry.formats.neutral import (
     require_file,
     rows_in,
 )
+from geometry.layout import MAX_SECTIONS, section_names
 from geometry.mesh import AnyMesh, Mesh, MixedMesh, check_mesh
 
 UNITS = {"m": 1.0, "mm": 1e-3}
 SUFFIXES = (".med", ".msh", ".inp")
 SURFACES = (".stl", ".obj", ".ply")
-OWN = ("plate", "pillar", "tip")  # groups with a material of their own; all other cells are plate
+OWN = ("plate", *section_names(MAX_SECTIONS))  # groups with a material of their own; all other cells are plate
 KINDS = {cell_type: key for key, cell_type in VOLUME.items()}
 READABLE = (*KINDS, *FULL)
 # the four corners whose edges from the first span an element
@@ -247,7 +248,7 @@ def _block(points: FloatArray, cells: IntArray, cell_type: str, file: str) -> Me
 
 
 def _regions(raw: RawMesh, volumes: list[int]) -> dict[str, IntArray]:
-    """The cells of groups `pillar` and `tip`, which may have materials of their own, and all others as `plate`."""
+    """The cells of groups `pillar`, `section2` and so on, which may have materials of their own, and all others as `plate`."""
     starts = np.concatenate([[0], np.cumsum([len(raw.blocks[i][1]) for i in volumes])])
     region = np.zeros(int(starts[-1]), dtype=np.int64)
     for name, parts in raw.cell_groups.items():

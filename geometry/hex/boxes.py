@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 VOID = -1
-REGIONS = ("", "pillar", "tip")  # the lowest body has a name of its own
 
 
 @dataclass(frozen=True)
@@ -139,20 +138,21 @@ def boxes_of(scene: Scene) -> Boxes:
     layers = len(z) - 1
     if scene.above is not None and scene.along is not None:
         z = np.append(z, grid_lines(scene.above, scene.along)[1:])
+    names = (scene.name, *dict.fromkeys(foot.region for foot in scene.feet), *layer_names(len(scene.joints) + 1)[1:])
     region = np.full(_cuts(lines_x, lines_y, z), VOID, dtype=np.int64)
     region[_inside(lines_x, lines_y, scene.body), :layers] = 0
     middles = (z[1:] + z[:-1]) / 2.0
     for number, joint in enumerate(scene.joints):
         beyond = slice(int(np.searchsorted(middles, joint)), layers)
-        region[:, :, beyond][region[:, :, beyond] >= 0] = len(REGIONS) + number
+        region[:, :, beyond][region[:, :, beyond] >= 0] = len(names) - len(scene.joints) + number
     for foot in scene.feet:
         first, last = np.searchsorted(middles, (foot.bottom_m, foot.top_m))
         for centre in foot.centres:
-            region[_inside(lines_x, lines_y, foot.rectangles, centre), first:last] = REGIONS.index(foot.region)
+            region[_inside(lines_x, lines_y, foot.rectangles, centre), first:last] = names.index(foot.region)
     if scene.faces == 2:
         z = np.concatenate([max(scene.z) - z[:layers:-1], z])
         region = np.concatenate([region[:, :, : layers - 1 : -1], region], axis=2)
-    return Boxes(lines_x, lines_y, z, region, (scene.name, *REGIONS[1:], *layer_names(len(scene.joints) + 1)[1:]))
+    return Boxes(lines_x, lines_y, z, region, names)
 
 
 P = ParamSpec("P")

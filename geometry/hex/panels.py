@@ -13,7 +13,7 @@ from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshError
 from geometry.hex.boxes import Boxes, hex_mesh, interpolation, panel_boxes
 from geometry.hex.scenes import Grading, HexSettings, breaks_through, grid_lines
-from geometry.layout import Pillar
+from geometry.layout import Pillar, Section, section_names
 from geometry.materials import Stack, layer_names
 from geometry.mesh import Mesh
 from geometry.pillar_shapes import Square
@@ -354,7 +354,12 @@ def leaning(mesh: Mesh, centre: FloatArray, thickness: float, height: float, tap
 
 
 def joined(
-    patches: list[Patch], z: FloatArray, thickness: float, order: int, joints: Sequence[float] = ()
+    patches: list[Patch],
+    z: FloatArray,
+    thickness: float,
+    order: int,
+    joints: Sequence[float] = (),
+    levels: Sequence[float] = (),
 ) -> PatchedMesh:
     """Extrude patches along z and join them into one mesh.
 
@@ -372,6 +377,8 @@ def joined(
         Order of the elements, 1 to 4.
     joints : sequence of float, optional
         Heights where layers of the plate meet, lines along z among them, in the unit of `z`.
+    levels : sequence of float, optional
+        Heights above the plate where sections of the pillar meet, likewise.
 
     Returns
     -------
@@ -400,7 +407,9 @@ def joined(
     middles = places[first][cells][:, :, 2].mean(axis=1)
     layer = np.where(standing, -1, np.searchsorted(np.asarray(joints, dtype=float), middles))
     regions = {name: np.flatnonzero(layer == number) for number, name in enumerate(layer_names(len(joints) + 1))}
-    regions["pillar"] = np.flatnonzero(standing)
+    above = np.where(middles > thickness, middles - thickness, -middles)
+    section = np.where(standing, np.searchsorted(np.asarray(levels, dtype=float), above), -1)
+    regions |= {name: np.flatnonzero(section == number) for number, name in enumerate(section_names(len(levels) + 1))}
     spans = [mesh.spans for mesh in own if mesh.spans is not None]
     lengths = np.concatenate(spans) if all(patch.place is straight for patch in patches) else None
     mesh = Mesh(places[first], cells, "hex", order, regions, {}, lengths)
@@ -478,8 +487,8 @@ def panel_mesh(panel: Panel, stack: Stack, pillar: Pillar | None, settings: HexS
         prism = _of_boxes(replace(panel, pillar=square_of(own)), stack, None, settings)
         frustum = leaning(prism.mesh, _foot_from_middle(panel), stack.thickness_m, own.height_m, own.form.taper)
         return replace(prism, mesh=frustum)
-    z = _lines_along_z(stack, own, settings)
-    return joined(_foot_patches(panel, own, settings), z, stack.thickness_m, settings.order, stack.joints_m)
+    z, patches = _lines_along_z(stack, own, settings), _foot_patches(panel, own, settings)
+    return joined(patches, z, stack.thickness_m, settings.order, stack.joints_m, own.levels_m[1:-1])
 
 
 def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> csr_array:
@@ -537,7 +546,7 @@ def has_room(panel: Panel, pillar: Pillar) -> bool:
 
 
 def square_of(pillar: Pillar) -> Pillar:
-    """Return the square prism with a pillar's height and the width of its foot.
+    """Return the square prisms with the heights of a pillar's sections and the widths of their feet.
 
     Parameters
     ----------
@@ -547,11 +556,12 @@ def square_of(pillar: Pillar) -> Pillar:
     Returns
     -------
     Pillar
-        The prism; the pillar itself if it is made of boxes.
+        The prisms; the pillar itself if it is made of boxes.
     """
     if pillar.is_made_of_boxes:
         return pillar
-    return replace(pillar, shape=Square.name, tip_m=pillar.base_m, fillet_m=0.0, file=None, more_m=())
+    upper = tuple(Section.square(each.base_m, each.height_m, each.material) for each in pillar.upper)
+    return replace(pillar, shape=Square.name, tip_m=pillar.base_m, fillet_m=0.0, file=None, more_m=(), upper=upper)
 
 
 def _foot_patches(
@@ -578,9 +588,9 @@ def _foot_patches(
 def _lines_along_z(stack: Stack, pillar: Pillar, settings: HexSettings) -> FloatArray:
     """Lines through the plate and along its pillar, and along its mirror image below."""
     thickness_m = stack.thickness_m
-    both, high = pillar.faces == 2, thickness_m + pillar.height_m
+    both, levels = pillar.faces == 2, [thickness_m + level for level in pillar.levels_m]
     z = grid_lines(breaks_through(stack, both, True), settings.through_grading(stack))
-    along = grid_lines({thickness_m: True, high: False}, settings.pillar_grading)
+    along = grid_lines(dict.fromkeys(levels, True) | {levels[-1]: False}, settings.pillar_grading)
     below = thickness_m - along[:0:-1] if both else z[:0]
     return np.concatenate([below, z, along[1:]])
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
-from math import ceil
+from math import ceil, inf
 
 import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.errors import MeshError
-from geometry.layout import Design, Pillar, PillarGroup
+from geometry.layout import Design, Pillar, PillarGroup, section_names
 from geometry.materials import Stack
 from geometry.tiling import Panel, lattice_panel
 
@@ -211,7 +211,7 @@ class Scene:
     along : Grading or None
         Grading of the pillars along z.
     feet : tuple of Foot
-        Pillars and heavy tips, one entry per kind.
+        Sections of pillars, one entry per kind and section.
     body : ndarray, shape (r, 4), or None
         Rectangles x0, x1, y0, y1 that the lowest body fills; None for all of it.
     faces : int
@@ -286,10 +286,14 @@ def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) ->
     x, y = _edges(pillar)
     if quarter:
         x, y = ({0.0: False} | {edge: inner for edge, inner in breaks.items() if edge > 0.0} for breaks in (x, y))
-    height, along = {0.0: True, pillar.height_m: pillar.tip is not None}, settings.pillar_grading
-    if pillar.tip is None:
+    _, first, *levels = pillar.levels_m
+    height, along = {0.0: True, first: bool(levels)}, settings.pillar_grading
+    if not levels:
         return Scene(x, y, height, settings.grading, along, "pillar", body=foot)
-    above, feet = {pillar.height_m: True, pillar.top_m: False}, _prisms(pillar, np.zeros((1, 2)), 0.0)[1:]
+    above, feet = (
+        dict.fromkeys([first, *levels], True) | {levels[-1]: False},
+        _prisms(pillar, np.zeros((1, 2)), 0.0)[1:],
+    )
     return Scene(x, y, height, settings.grading, along, "pillar", above, along, feet, foot)
 
 
@@ -519,35 +523,43 @@ def _plate_with_pillars(
 
 
 def _edges(pillar: Pillar) -> tuple[dict[float, bool], dict[float, bool]]:
-    """Coordinates of the sides of foot and heavy tip along x and y, m, and whether the edge there is re-entrant."""
-    foot = _foot(pillar)
-    tip = np.empty((0, 4)) if pillar.tip is None else pillar.tip.rectangles
+    """Coordinates of the sides of all sections along x and y, m, and whether the edge there is re-entrant."""
+    outlines = _outlines(pillar)
     sides: list[dict[float, bool]] = []
     for columns in ([0, 1], [2, 3]):
-        reach = np.abs(foot[:, columns]).max()
-        overhang = {edge: bool(abs(edge) < reach) for edge in sorted(set(tip[:, columns].ravel().tolist()))}
-        sides.append(overhang | dict.fromkeys(sorted(set(foot[:, columns].ravel().tolist())), True))
+        reaches = [inf, *(np.abs(outline[:, columns]).max() for outline in outlines), 0.0]
+        found: dict[float, bool] = {}
+        for outline, below, above in zip(outlines, reaches, reaches[2:], strict=False):
+            for edge in sorted(set(outline[:, columns].ravel().tolist())):
+                found[edge] = found.get(edge, False) or bool(abs(edge) < max(below, above))
+        sides.append(found)
     return sides[0], sides[1]
 
 
 def _prisms(pillar: Pillar, centres: FloatArray, bottom_m: float) -> tuple[Foot, ...]:
-    """The pillars at centres (n, 2) that stand at a height, and their heavy tips."""
-    foot, joint = _foot(pillar), bottom_m + pillar.height_m
-    stem = Foot(foot, centres, bottom_m, joint)
-    if pillar.tip is None:
-        return (stem,)
-    return stem, Foot(pillar.tip.rectangles, centres, joint, bottom_m + pillar.top_m, "tip", foot)
+    """The sections of the pillars at centres (n, 2) that stand at a height."""
+    levels = [bottom_m + level for level in pillar.levels_m]
+    outlines = _outlines(pillar)
+    parts = zip(outlines, pairwise(levels), section_names(len(outlines)), [None, *outlines], strict=False)
+    return tuple(Foot(outline, centres, *ends, name, below) for outline, ends, name, below in parts)
 
 
 def _foot(pillar: Pillar) -> FloatArray:
     """The rectangles of a foot. MeshError where boxes cannot follow the pillar."""
-    rectangles = pillar.form.rectangles
-    if rectangles is None or pillar.fillet_m:
-        what = f"{pillar.shape} pillar{' with a fillet' if pillar.fillet_m else ''}"
+    return _outlines(pillar)[0]
+
+
+def _outlines(pillar: Pillar) -> list[FloatArray]:
+    """The rectangles of every section. MeshError where boxes cannot follow the pillar."""
+    found = [section.form.rectangles for section in pillar.parts]
+    known = [rectangles for rectangles in found if rectangles is not None]
+    if len(known) < len(found) or pillar.fillet_m:
+        shapes = " and ".join(dict.fromkeys(section.shape for section in pillar.sections))
+        what = f"{shapes} pillar{' with a fillet' if pillar.fillet_m else ''}"
         raise MeshError(
             f"a {what} is not made of boxes: structured hexahedra cannot follow it, nor a body bonded over it"
         )
-    return rectangles
+    return known
 
 
 # -- counts ------------------------------------------------------------------------------------------------------------

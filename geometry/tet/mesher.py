@@ -220,7 +220,7 @@ def tet_mesh(
 ) -> Mesh:
     """Mesh a CAD body by quadratic tetrahedra.
 
-    Regions are plate, pillar and tip; faces are touch, back, foot, top, x-, x+, y- and y+, where the body has them.
+    Regions are plate, pillar, section2 and so on; faces are touch, back, foot, top, x-, x+, y- and y+, where the body has them.
 
     Parameters
     ----------

@@ -425,13 +425,14 @@ def _foot_rims(pillar: Pillar, thickness_m: float, x: float = 0.0, y: float = 0.
 
 
 def _rims(pillar: Pillar, z: float) -> FloatArray:
-    """The re-entrant edges round a foot at the origin, unless a fillet rounds it off, and below a heavy tip, as segments, m."""
-    form, loops = pillar.form, [NO_LINES]
-    for rim, height, is_there in (
-        (form.rim(), z, pillar.fillet_m == 0.0),
-        (form.rim() * form.taper, z + pillar.height_m, pillar.tip is not None),
-    ):
-        if is_there:
-            corners = np.column_stack([rim, np.full(len(rim), height)])
-            loops.append(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
+    """The re-entrant edges round a foot at the origin, but for a fillet, and where sections meet, as segments (k, 2, 3), m."""
+    rims = [] if pillar.fillet_m else [(pillar.form.rim(), z)]
+    for level, below, above in zip(pillar.levels_m[1:], pillar.parts, pillar.upper, strict=False):
+        top = below.form.rim() * below.form.taper
+        narrower = top if below.tip_m <= above.base_m else above.form.rim()
+        rims.append((narrower, z + level))
+    loops = [NO_LINES]
+    for rim, height in rims:
+        corners = np.column_stack([rim, np.full(len(rim), height)])
+        loops.append(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
     return np.concatenate(loops)

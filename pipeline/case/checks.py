@@ -109,29 +109,27 @@ def check_pitch(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
             yield f"array.{name}", pitch, f"{text}, a gap that can be meshed"
 
 
-def check_tip(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Check that a tip mass stands on a drawn pillar, clear of its neighbours and of the rows across the zone."""
-    side, height = file.tip.side_mm, file.tip.height_mm
-    if "tip" not in file.present or not side or not height:
-        return
-    if "pillar" not in file.present:
-        yield "tip.side_mm", side, "needs a [pillar] to stand on"
-    elif file.pillar.shape == "step":
-        yield "tip.height_mm", height, "must be 0 with a step pillar, whose file contains the final shape"
+def check_sections(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
+    """Check that the upper sections of a pillar stay clear of its neighbours and of the rows across the zone."""
     section, width, most = section_mm(file, form), file.zone.width_mm, limits.MAX_SLENDERNESS
-    for name, given, other in (("tip.side_mm", side, section), ("tip.height_mm", height, side)):
-        if other and not 1.0 / most <= given / other <= most:
-            text = f"must be from {other / most:g} to {other * most:g}, {1.0 / most:g} to {most:g} times {other:g}"
-            yield name, given, text
-    for name, pitch in _given_pitches(file):
-        if pitch - side < limits.MIN_GAP * side:
-            text = f"tips touch: must be below array.{name} = {pitch:g} by at least {limits.MIN_GAP:g} of itself"
-            yield "tip.side_mm", side, text
-    if width and section and file.array.rows != 0 and 2.0 * (side - section) >= width:
-        allowed = (
-            f"must be below {section + width / 2.0:g}: a tip may cover at most a quarter of zone.width_mm = {width:g}"
-        )
-        yield "tip.side_mm", side, allowed
+    for upper in file.upper:
+        side, key = upper.form.footprint_m(0.0) / MM, f"pillar.section.{upper.number}.{upper.form.keys[0]}"
+        if section and not 1.0 / most <= side / section <= most:
+            text = (
+                f"must be from {section / most:g} to {section * most:g}, {1.0 / most:g} to {most:g} times {section:g}"
+            )
+            yield key, side, text
+        for name, pitch in _given_pitches(file):
+            if pitch - side < limits.MIN_GAP * side:
+                text = (
+                    f"sections touch: must be below array.{name} = {pitch:g} by at least {limits.MIN_GAP:g} of itself"
+                )
+                yield key, side, text
+        if width and section and file.array.rows != 0 and 2.0 * (side - section) >= width:
+            allowed = (
+                f"must be below {section + width / 2.0:g}: it may cover at most a quarter of zone.width_mm = {width:g}"
+            )
+            yield key, side, allowed
 
 
 def check_slenderness(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
@@ -186,7 +184,8 @@ def check_zone_width(file: Tables, form: PillarShape | None) -> Iterator[Diagnos
 def check_row_fits(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
     """Check that at least one pillar fits along the zone."""
     length, footprint = file.zone.length_mm, footprint_mm(file, form)
-    footprint = max(footprint, file.tip.side_mm or 0.0) if footprint and file.tip.height_mm else footprint
+    if footprint is not None:
+        footprint = max([footprint, *(upper.form.footprint_m(0.0) / MM for upper in file.upper)])
     if length is not None and footprint is not None and file.array.rows != 0 and footprint > length:
         yield (
             "zone.length_mm",
@@ -298,7 +297,7 @@ def check_tolerance(file: Tables, form: PillarShape | None) -> Iterator[Diagnost
         return
     if not (height or side or position):
         yield "tolerance.height_mm", height, "nothing varies: height_mm, side_mm or position_mm must be above 0"
-    plain = file.pillar.fillet_mm == 0.0 and not file.tip.height_mm and file.pillar.faces != "both"
+    plain = file.pillar.fillet_mm == 0.0 and not file.upper and file.pillar.faces != "both"
     if form is not None and not (form.grows and plain):
         yield "tolerance.height_mm", height, f"only {PLAIN} can be varied"
         return
@@ -337,7 +336,7 @@ CHECKS: tuple[Callable[[Tables, PillarShape | None], Iterator[Diagnostic]], ...]
     check_fillet,
     check_slenderness,
     check_pitch,
-    check_tip,
+    check_sections,
     check_pillar_on_plate,
     check_nodal_lines,
     check_zone_width,

@@ -98,9 +98,7 @@ def span(limits: Range) -> str:
 
 def doubts(design: Design) -> list[str]:
     """Yield a line for each material of a design with implausible constants, or without those of its temperature."""
-    tips = [pillar.tip.material for pillar in design.kinds if pillar.tip]
-    materials = dict.fromkeys([*design.stack.regions.values(), *(pillar.material for pillar in design.kinds), *tips])
-    return [line for material in materials for line in _doubt(material)]
+    return [line for material in design.materials for line in _doubt(material)]
 
 
 def warn_of_doubts(design: Design, log: Log) -> None:

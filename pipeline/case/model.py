@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from geometry import lattice
 from geometry.elements import FloatArray
 from geometry.fingertips import FINGERTIPS, Fingertip
-from geometry.layout import Design, Patches, Pillar, Tip, antinode_places
+from geometry.layout import Design, Patches, Pillar, Section, antinode_places
 from geometry.materials import PIEZO_MATERIALS, Layer, Material, Stack
 from geometry.pillar_shapes import PillarShape
 from pipeline.case.checks import one_table, span_mm
@@ -200,7 +200,9 @@ class Case:
                 del shape[key]
         for each in (shape["pillar"], *shape.get("graded", ())) if pillar else ():
             each |= dict(each.pop("more_m"))
-            for key, usual in (("tip", None), ("faces", 1)):
+            for section in each["upper"]:
+                section |= dict(section.pop("more_m"))
+            for key, usual in (("upper", []), ("faces", 1)):
                 if each[key] == usual:
                     del each[key]
         if pillar and pillar.file:
@@ -305,7 +307,7 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
     patches, touch, measured = None, None, _measured(values, source)
     attached = {"patches", "touch"} & values.tables.present
-    if attached and not values.diagnostics.touch("material", "plate", "zone", "pillar", "tip", "array"):
+    if attached and not values.diagnostics.touch("material", "plate", "zone", "pillar", "array"):
         design = _design(values)
         patches, touch = read_patches(values, design), read_touch(values, design)
     values.diagnostics.stop()
@@ -496,15 +498,24 @@ def _pillar(values: Values, row: Tables, form: PillarShape | None) -> Pillar | N
         return None
     material = values.materials["pillar" if "pillar" in values.materials else ""]
     height, fillet = form.height_m(_metres(row.pillar.height_mm)), MM * row.pillar.fillet_mm
-    more: dict[str, Any] = {"file": form.file, "more_m": form.more_m, "tip": _tip(values, material)}
+    more: dict[str, Any] = {"file": form.file, "more_m": form.more_m, "upper": _upper(values, material)}
     more["faces"] = 2 if row.pillar.faces == "both" else 1
     return Pillar(form.name, form.width_m, form.tip_m, height, material, fillet, **more)
 
 
-def _tip(values: Values, pillar: Material) -> Tip | None:
-    """Return the tip mass, of the pillar's material unless it has its own; None if its height is 0."""
-    tip = values.tables.tip
-    return Tip(MM * tip.side_mm, MM * tip.height_mm, values.materials.get("tip", pillar)) if tip.height_mm else None
+def _upper(values: Values, pillar: Material) -> tuple[Section, ...]:
+    """Return the sections above the first one, of the pillar's material unless they have their own."""
+    return tuple(
+        Section(
+            (form := each.form).name,
+            form.width_m,
+            form.tip_m,
+            MM * each.height_mm,
+            values.materials.get(each.owner, pillar),
+            form.more_m,
+        )
+        for each in values.tables.upper
+    )
 
 
 def _measured(values: Values, source: Path | None) -> MeasuredFiles | None:

@@ -19,29 +19,41 @@ from pydantic.fields import FieldInfo
 
 from geometry.errors import GeometryError
 from geometry.files import read_by_command
-from geometry.layout import Design
+from geometry.layout import MAX_SECTIONS, Design
 from geometry.materials import LAWS, LIBRARY, MATERIALS, USUAL_C, Material
 from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline import paths
-from pipeline.case.checks import CHECKS, Diagnostic, check_zones, normalise_pitch
+from pipeline.case.checks import (
+    CHECKS,
+    Diagnostic,
+    check_pillar_keys,
+    check_slenderness,
+    check_zones,
+    normalise_pitch,
+)
 from pipeline.case.limits import MAX_CONTRAST, MAX_LAYERS, MIN_LAYER
 from pipeline.case.schema import (
     LAYERS_ALLOWED,
     MATERIAL_ALLOWED,
     MATERIAL_OWNERS,
     NAME_ALLOWED,
+    SECTIONS_ALLOWED,
+    SIZE_KEYS,
     TABLES,
     LayerTable,
     MaterialTable,
+    SectionTable,
     Table,
     Tables,
+    UpperSection,
     known_keys,
 )
 from pipeline.errors import InputError, reason
 from pipeline.quantity import GPA, MM
 
 Checked = TypeVar("Checked", bound=BaseModel)
-FIRST_LAYER = "plate.layer.0"
+FIRST_LAYER, SECTION = "plate.layer.0", "pillar.section"
+HIDDEN = {"plate": ("layer",), "pillar": ("material", "section")}  # keys of tables that are read one by one
 MAX_LENGTH = 60  # longest value or key that is shown, in characters
 MAX_NAMES = 2000  # largest folder in which a misspelled name is compared
 MAX_LINES = 50  # largest number of faults listed; a file with more is not a case file
@@ -376,8 +388,11 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
     faulty: set[str] = set()
     materials: dict[str, Material] = {}
     layers: tuple[float, ...] = ()
+    sections: list[dict[str, Any]] = []
     for key in raw:
-        if key not in TABLES and key not in ("name", "material"):
+        if key == "tip":
+            diagnostics.add("tip", raw[key], f"replaced by sections: {_as_sections(raw)}")
+        elif key not in TABLES and key not in ("name", "material"):
             diagnostics.unknown(key, raw[key], [*known, *TABLES] if not isinstance(raw[key], dict) else [*TABLES])
     for table, model in TABLES.items():
         if table not in raw and table not in ALWAYS:
@@ -386,8 +401,11 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
         if not isinstance(content, dict):
             diagnostics.add(table, content, f"must be a table [{table}]")
             continue
-        hidden = "material" if table in MATERIAL_OWNERS else "layer" if table == "plate" else None
-        own = {key: value for key, value in content.items() if key != hidden}
+        own = {key: value for key, value in content.items() if key not in HIDDEN.get(table, ())}
+        if table == "pillar" and "section" in content:
+            sections = _read_sections(content, raw, materials, known, diagnostics)
+            own |= sections[0] if sections else {}
+            faulty |= set() if sections else {"pillar.height_mm"}
         if table == "plate" and "layer" in content:
             layers = _read_layers(content, materials, known, diagnostics)
             own = own | ({"thickness_mm": sum(layers)} if layers else {})
@@ -402,6 +420,7 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
     _warm(materials, found, faulty, diagnostics)
     name = _read_name(raw, source, diagnostics)
     tables = Tables.of(found, faulty)
+    tables.upper = _upper_sections(sections, tables, diagnostics)
     _add_all(chain(normalise_rows(tables), normalise_pitch(tables)), diagnostics)
     rows = tuple((own, _read_shape(own, source, diagnostics)) for own in by_row(tables))
     _check_across(rows, diagnostics)
@@ -521,6 +540,74 @@ def _read_layers(
     return thicknesses
 
 
+def _as_sections(raw: dict[str, Any]) -> str:
+    """Write the sections of a pillar that take the place of a table [tip], with the values of the file."""
+    tip, pillar = (raw[name] if is_table(raw.get(name)) else {} for name in ("tip", "pillar"))
+    first, second = pillar.get("height_mm", "..."), {"shape": "square"} | tip
+    lists = isinstance(raw.get("array"), dict) and "heights_mm" in raw["array"]
+    stem = "" if lists else f"height_mm = {quoted(first) if first != '...' else first}"
+    upper = ", ".join(f"{key} = {quoted(value)}" for key, value in second.items())
+    return f"write pillar.section = [{{{stem}}}, {{{upper}}}] without pillar.height_mm"
+
+
+def _read_sections(
+    pillar: dict[str, Any],
+    raw: dict[str, Any],
+    materials: dict[str, Material],
+    known: list[str],
+    diagnostics: Diagnostics,
+) -> list[dict[str, Any]]:
+    """Read the materials of a pillar's sections, and return the keys of each, those of the section below where it has none;
+    [] for faulty ones.
+    """
+    tables, before = pillar["section"], len(diagnostics.lines)
+    if not isinstance(tables, list) or not 0 < len(tables) <= MAX_SECTIONS or not all(map(is_table, tables)):
+        diagnostics.add("pillar.section", tables, f"must be one to {MAX_SECTIONS} {SECTIONS_ALLOWED}")
+        return []
+    if "height_mm" in pillar:
+        diagnostics.add("pillar.height_mm", pillar["height_mm"], "must be left out: the sections have their own")
+    below = {key: value for key, value in pillar.items() if key in ("shape", *SIZE_KEYS)}
+    if below.get("shape") == "step":
+        diagnostics.add(
+            "pillar.section", tables, "must be left out with a step pillar, whose file contains the final shape"
+        )
+    by_row = isinstance(raw.get("array"), dict) and "heights_mm" in raw["array"]
+    found = []
+    for number, table in enumerate(tables):
+        owner = f"pillar.section.{number}"
+        own = {key: value for key, value in table.items() if key != "material"}
+        check_table(SectionTable, own, f"{owner}.", known, diagnostics)
+        _read_material(table, owner, materials, known, diagnostics)
+        if "height_mm" not in own and not (number == 0 and by_row):
+            diagnostics.missing(f"{owner}.height_mm", "a section needs it")
+        if number == 0 and own.get("height_mm") == 0.0:
+            diagnostics.add(f"{owner}.height_mm", 0.0, "must be above 0: the other sections stand on this one")
+        same = own.get("shape", below.get("shape")) == below.get("shape")
+        below = {key: value for key, value in ((below if same else {}) | own).items() if key != "height_mm"}
+        found.append(below | ({"height_mm": own["height_mm"]} if "height_mm" in own else {}))
+    if f"{SECTION}.0" in materials:
+        materials["pillar"] = materials.pop(f"{SECTION}.0")
+    return found if len(diagnostics.lines) == before else []
+
+
+def _upper_sections(sections: list[dict[str, Any]], file: Tables, diagnostics: Diagnostics) -> tuple[UpperSection, ...]:
+    """Check the shapes of the sections above the first one, and return those with a height."""
+    upper = []
+    for number, section in enumerate(sections[1:], start=1):
+        if not section["height_mm"]:
+            continue
+        alone = copy.copy(file)
+        empty = type(file.pillar).model_construct(**dict.fromkeys(type(file.pillar).model_fields))
+        alone.pillar = empty.but(**({"shape": next(iter(SHAPES)), "fillet_mm": 0.0} | section))
+        form = _read_shape(alone, None, diagnostics)
+        faults = chain(check_pillar_keys(alone, form), check_slenderness(alone, form))
+        owner = f"{SECTION}.{number}"
+        _add_all(((key.replace("pillar.", f"{owner}."), value, text) for key, value, text in faults), diagnostics)
+        if form is not None:
+            upper.append(UpperSection(number, form, section["height_mm"], owner))
+    return tuple(upper)
+
+
 def is_table(value: Any) -> bool:
     """Whether a value is a table."""
     return isinstance(value, dict)
@@ -600,7 +687,7 @@ def _warm(materials: dict[str, Material], found: dict[str, Table], faulty: set[s
 
 
 def _check_contrast(materials: dict[str, Material], diagnostics: Diagnostics) -> None:
-    """Report a stiffness contrast of plate and pillar or tip, or of two layers, that a single matrix cannot resolve."""
+    """Report a stiffness contrast of plate and a pillar's section, or of two layers, that a single matrix cannot resolve."""
     young = {owner: material.average.young_pa / GPA for owner, material in materials.items()}
     plate = young.pop(FIRST_LAYER, young.pop("", None))
     for owner, other in young.items():
@@ -658,6 +745,8 @@ def _given(raw: dict[str, Any]) -> frozenset[str]:
     for table, content in raw.items():
         if isinstance(content, dict):
             keys |= {f"{table}.{name}" for name in content}
+    if SECTION in keys:
+        keys.add("pillar.height_mm")
     if keys & {*UNIFORM_ROW_KEYS}:
         keys.add("array.rows")
     if "array.pitch_x_mm" in keys and keys & {"array.pitch_y_mm", PITCHES}:

@@ -12,7 +12,7 @@ from pydantic.json_schema import models_json_schema
 from geometry.fingertips import FINGERTIPS
 from geometry.lattice import KNOWN, labels_of
 from geometry.materials import USUAL_C
-from geometry.pillar_shapes import SHAPES, in_words
+from geometry.pillar_shapes import SHAPES, PillarShape, in_words
 from pipeline.case import limits
 from pipeline.case.limits import LENGTH_MM, Range, span
 from pipeline.quantity import KHZ, MM
@@ -33,9 +33,13 @@ Extent = Annotated[float, Field(ge=LENGTH_MM[0], le=LENGTH_MM[1])]
 RowLengths = Annotated[list[Extent], Field(min_length=1, max_length=1000)]
 ONE_A_ROW = f"a list of numbers above 0, {span(LENGTH_MM)}, one per row from the zone outwards"
 SIZE_KEYS = tuple(dict.fromkeys(key for shape in SHAPES.values() for key in shape.keys))  # keys of every pillar shape
-MATERIAL_OWNERS = ("", "pillar", "tip")  # tables that may contain a material; "" is the top level of the file
+MATERIAL_OWNERS = ("", "pillar")  # tables that may contain a material; "" is the top level of the file
 MATERIAL_ALLOWED = (
     "the name of a material or a table with density_kg_m3 and young_GPa with poisson, cubic_GPa, orthotropic or C_GPa"
+)
+SECTIONS_ALLOWED = (
+    "tables [[pillar.section]] of height_mm, material and the keys of a shape where it differs from the one below, from the "
+    "foot up"
 )
 LAYERS_ALLOWED = "tables [[plate.layer]] of material and thickness_mm, from the touch face to the back"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
@@ -161,11 +165,6 @@ def _zero_or(within: Range) -> AfterValidator:
 
 
 Length = Annotated[float, _zero_or(LENGTH_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(LENGTH_MM)}")]
-
-
-class TipTable(Table):
-    side_mm: float = positive(LENGTH_MM)
-    height_mm: Length = Field(description=f"{NOT_NEGATIVE}: 0 for none, or {span(LENGTH_MM)}")
 
 
 class ArrayTable(Table):
@@ -313,18 +312,28 @@ class ToleranceTable(Table):
         return MM * self.position_mm
 
 
+@dataclass(frozen=True)
+class UpperSection:
+    """A valid section above a pillar's first one: number in the file from 0, shape, height, and the owner of its material."""
+
+    number: int
+    form: PillarShape
+    height_mm: float
+    owner: str
+
+
 @dataclass
 class Tables:
     """Tables of one file, with values in the units of the file.
 
     An absent key without a default is None; so is one of `faulty` (dotted), and each key of a table not `present`.
-    `pitches_given` names the keys that set a pitch, () for none; None if one of them is faulty or there is no [array].
+    `pitches_given` names the keys that set a pitch, () for none; None if one of them is faulty or there is no [array]. `upper`:
+    the pillar's sections above the first one.
     """
 
     plate: PlateTable
     zone: ZoneTable
     pillar: Any  # with the keys of every registered shape
-    tip: TipTable
     array: ArrayTable
     solve: SolveTable
     bands: BandsTable
@@ -336,6 +345,7 @@ class Tables:
     present: frozenset[str]
     faulty: set[str] = field(default_factory=set)
     pitches_given: tuple[str, ...] | None = None
+    upper: tuple[UpperSection, ...] = ()
 
     @classmethod
     def of(cls, found: dict[str, Table], faulty: set[str]) -> Tables:
@@ -377,7 +387,7 @@ class Zone(TypedDict, total=False):
 
 
 class Pillar(TypedDict, total=False):
-    """Pillar: shape with the sizes that it takes (mm), height_mm, fillet_mm, faces, optional material.
+    """Pillar: shape with the sizes that it takes (mm), height_mm or sections, fillet_mm, faces, optional material.
 
     >>> from antinode import Pillar
     >>> Pillar(shape="round", diameter_mm=2.0, height_mm=6.3)
@@ -395,17 +405,24 @@ class Pillar(TypedDict, total=False):
     fillet_mm: float
     faces: Literal["back", "both"]
     material: GivenMaterial
+    section: list[Section]
 
 
-class Tip(TypedDict, total=False):
-    """Tip mass on every pillar: a square prism of side_mm and height_mm, with an optional material.
+class Section(TypedDict, total=False):
+    """Section of a pillar from the foot up: height_mm, material, and the keys of a shape where it differs from the one below.
 
-    >>> from antinode import Tip
-    >>> Tip(side_mm=2.0, height_mm=1.0, material="brass")
-    {'side_mm': 2.0, 'height_mm': 1.0, 'material': 'brass'}
+    >>> from antinode import Pillar, Section
+    >>> neck = Section(height_mm=2.0, material="silicone-rubber")
+    >>> Pillar(side_mm=3.0, section=[neck, Section(height_mm=2.0, material="lead")])["section"][1]
+    {'height_mm': 2.0, 'material': 'lead'}
     """
 
+    shape: str
     side_mm: float
+    diameter_mm: float
+    base_mm: float
+    tip_mm: float
+    arm_mm: float
     height_mm: float
     material: GivenMaterial
 
@@ -532,6 +549,8 @@ def _pillar_table() -> type[Table]:
     for key in SIZE_KEYS:
         keys[key] = (float | None, optional(LENGTH_MM)) if key.endswith("_mm") else (str | None, file)
     keys |= {"height_mm": (float | None, optional(LENGTH_MM)), "fillet_mm": (Length, 0.0)}
+    sections = Field(default=None, description=SECTIONS_ALLOWED)
+    keys["section"] = (None, sections)  # read one by one, as their materials are
     faces = Field(
         default="back", description="back, or both: with their mirror images on the touch face beside the zone"
     )
@@ -539,11 +558,20 @@ def _pillar_table() -> type[Table]:
     return create_model("PillarTable", __base__=Table, **keys)
 
 
+def _section_table() -> type[Table]:
+    """[[pillar.section]] with the keys of every shape that is drawn."""
+    drawn = tuple(name for name, shape in SHAPES.items() if shape.has_height)
+    keys: dict[str, Any] = {"shape": (Literal[drawn] | None, Field(default=None, description=" or ".join(drawn)))}
+    keys |= {key: (float | None, optional(LENGTH_MM)) for key in SIZE_KEYS if key.endswith("_mm")}
+    height = Field(default=None, description=f"{NOT_NEGATIVE}: 0 for none, or {span(LENGTH_MM)}")
+    return create_model("SectionTable", __base__=Table, **keys, height_mm=(Length | None, height))
+
+
+SectionTable = _section_table()
 TABLES: dict[str, type[Table]] = {
     "plate": PlateTable,
     "zone": ZoneTable,
     "pillar": _pillar_table(),
-    "tip": TipTable,
     "array": ArrayTable,
     "solve": SolveTable,
     "bands": BandsTable,
@@ -557,7 +585,7 @@ TABLES: dict[str, type[Table]] = {
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of the case file (draft 2020-12), for completion and validation in editors."""
-    models: list[type[BaseModel]] = [*TABLES.values(), MaterialTable]
+    models: list[type[BaseModel]] = [*TABLES.values(), MaterialTable, SectionTable]
     references, root = models_json_schema([(model, "validation") for model in models])
     of = {model: references[model, "validation"] for model in models}
     material = {"anyOf": [{"type": "string"}, of[MaterialTable]], "description": MATERIAL_ALLOWED}
@@ -568,6 +596,10 @@ def json_schema() -> dict[str, Any]:
         "type": "array", "items": layer | {"required": ["material", "thickness_mm"]}, "description": LAYERS_ALLOWED
     }  # fmt: skip
     root["$defs"]["PlateTable"]["required"] = []
+    root["$defs"]["SectionTable"]["properties"]["material"] = material
+    root["$defs"]["PillarTable"]["properties"]["section"] = {
+        "type": "array", "items": of[SectionTable], "description": SECTIONS_ALLOWED
+    }  # fmt: skip
     for owner in filter(None, MATERIAL_OWNERS):
         root["$defs"][TABLES[owner].__name__]["properties"]["material"] = material
     top = {"name": {"type": "string", "description": NAME_ALLOWED}, "material": material}
@@ -581,7 +613,8 @@ def known_keys() -> list[str]:
     constants = [*MaterialTable.model_fields]
     constants += [f"cubic_GPa.{key}" for key in CubicTable.model_fields] + [f"orthotropic.{key}" for key in NINE]
     keys = ["name", *owners, *(f"{owner}.{key}" for owner in owners for key in constants)]
-    keys += ["plate.layer.0.thickness_mm", "plate.layer.0.material"]
+    keys += ["plate.layer.0.thickness_mm", "plate.layer.0.material", "pillar.section.0.material"]
+    keys += [f"pillar.section.0.{key}" for key in SectionTable.model_fields]
     keys += [f"touch.impedance.{key}" for key in FingertipTable.model_fields]
     keys += [f"{table}.{key}" for table, model in TABLES.items() for key in model.model_fields]
     return sorted(set(keys))

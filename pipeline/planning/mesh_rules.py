@@ -211,7 +211,7 @@ def _settings(row: MeshLevel, size_m: float, along_m: float | None = None) -> He
 
 def _along(design: Design) -> float:
     """Element length along a pillar, m: four elements resolve its third bending, among the lowest bands if it is slender."""
-    return min(min(pillar.base_m, pillar.height_m / 4.0) for pillar in design.kinds)
+    return min(min(pillar.base_m, pillar.parts[pillar.highest].height_m / 4.0) for pillar in design.kinds)
 
 
 def is_tight(design: Design) -> bool:

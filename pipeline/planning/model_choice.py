@@ -199,7 +199,7 @@ def coarse_settings(design: Design, count: int, through: int = 1) -> HexSettings
     if pillar is None:
         return HexSettings(ORDER, size_m, 0, through=through)
     size_m = min(size_m, pillar.base_m / parts) if parts > 1 else size_m
-    along = min(pillar.height_m / parts, max(SLENDER * pillar.base_m, HALF_WAVES * pillar.height_m / count))
+    along = min(pillar.top_m / parts, max(SLENDER * pillar.base_m, HALF_WAVES * pillar.top_m / count))
     return HexSettings(ORDER, size_m, 0, pillar_size_m=along, through=through)
 
 

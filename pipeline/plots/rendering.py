@@ -368,8 +368,9 @@ def _dimensions(design: DesignRecord, geometry: Any) -> str:
         )
         if pillar.faces == 2:
             words.append("on both faces")
-        if tip := pillar.heavy_tip:
-            words.append(f"each with a tip {tip.side_m / MM:g} mm wide and {tip.height_m / MM:g} mm high")
+        for section in pillar.upper:
+            sizes = f"{section.shape} section {section.form.sizes_text}, {section.height_m / MM:g} mm high"
+            words.append(f"each with a {sizes}")
     if geometry:
         words.append(f"{figure_text(geometry.mass_kg / GRAM)} g")
     return "; ".join(words)

@@ -64,11 +64,18 @@ class Open(Part):
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
 
-class TipRecord(Part):
-    """A tip mass on a pillar."""
+class SectionRecord(Open):
+    """A section of a pillar above its first one; sizes specific to its shape are additional fields."""
 
-    side_m: float
+    shape: str
+    base_m: float
+    tip_m: float
     height_m: float
+
+    @property
+    def form(self) -> PillarShape:
+        """Shape with these sizes."""
+        return stored_shape(self.model_dump())
 
 
 class PillarRecord(Open):
@@ -79,14 +86,14 @@ class PillarRecord(Open):
     tip_m: float
     height_m: float
     fillet_m: float
-    heavy_tip: TipRecord | None = None
+    upper: tuple[SectionRecord, ...] = ()
     faces: int = 1
 
     @classmethod
     def of_pillar(cls, pillar: Pillar) -> PillarRecord:
         """Return the stored description of a pillar."""
-        tip = {"heavy_tip": TipRecord.of(pillar.tip)} if pillar.tip else {}
-        return cls.of(pillar, **dict(pillar.more_m), **tip)
+        upper = tuple(SectionRecord.of(section, **dict(section.more_m)) for section in pillar.upper)
+        return cls.of(pillar, **dict(pillar.more_m), **({"upper": upper} if upper else {}))
 
     @property
     def form(self) -> PillarShape:
@@ -95,8 +102,8 @@ class PillarRecord(Open):
 
     @property
     def top_m(self) -> float:
-        """Height from foot to top, tip mass included, m."""
-        return self.height_m + (self.heavy_tip.height_m if self.heavy_tip else 0.0)
+        """Height from foot to top, m."""
+        return self.height_m + sum(section.height_m for section in self.upper)
 
 
 class DesignRecord(Part):

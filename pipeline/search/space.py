@@ -21,7 +21,7 @@ from pipeline.errors import InputError
 from pipeline.quantity import MM
 from pipeline.search.terms import Range, Window
 
-VARIED = ("plate", "zone", "pillar", "tip", "array")  # the tables that shape the plate
+VARIED = ("plate", "zone", "pillar", "array")  # the tables that shape the plate
 STEP_MM = 0.01  # printers are no more accurate
 EXAMPLE = "such as pillar.height_mm=5:8"
 WORDS = {"true": True, "false": False}  # and the values that they stand for
@@ -132,8 +132,7 @@ class Space:
 
 def _material(design: Design, owner: str) -> str:
     """Name of the material of a table, "" for the top of the file."""
-    pillar = design.pillar if owner else None
-    return (pillar.tip if pillar and pillar.tip and owner == "tip" else pillar or design).material.name
+    return ((design.pillar if owner else None) or design).material.name
 
 
 def _settings(variables: Sequence[Variable], values: Sequence[float | int]) -> dict[str, Any]:

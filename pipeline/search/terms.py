@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import atan2, degrees
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -203,12 +204,13 @@ def unit_of(goal: str) -> str:
 def overhang_deg(pillar: Pillar) -> float:
     """Overhang of the pillar's sides, degrees from the vertical; 0 for sides that do not lean outwards, and for a STEP file.
 
-    A tip mass of the pillar's own material is printed with it, and a wider one has a horizontal underside.
+    Sections of one material are printed together; one that is wider than the section below has a horizontal underside.
     """
-    tip = pillar.tip
-    if tip and tip.material == pillar.material and tip.side_m > pillar.tip_m:
-        return 90.0
-    return max(0.0, degrees(atan2((pillar.tip_m - pillar.base_m) / 2.0, pillar.height_m)))
+    for below, above in pairwise(pillar.parts):
+        if above.material == below.material and above.base_m > below.tip_m:
+            return 90.0
+    slopes = [degrees(atan2((part.tip_m - part.base_m) / 2.0, part.height_m)) for part in pillar.parts]
+    return max(0.0, *slopes)
 
 
 def mass_kg(design: Design) -> float:

@@ -14,6 +14,7 @@ from scipy.linalg import eigh
 
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.scenes import HexSettings
+from geometry.layout import Rim
 from geometry.materials import Material
 from geometry.mesh import AnyMesh, Mesh, jacobians
 from solvers.accuracy.singularity import (
@@ -190,9 +191,6 @@ def largest(half_widths: FloatArray) -> float | None:
     return None if not half_widths.size or np.isnan(half_widths).any() else float(half_widths.max())
 
 
-Rim = tuple[Material, Material]  # the wider part's material, and that of the narrower one that stands on it
-
-
 def rim_shares(
     plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, wall: float = pi / 2.0
 ) -> ErrorFractions:
@@ -270,7 +268,7 @@ class Edge:
 
 
 def _rim_edges(*rims: Rim) -> tuple[Edge, ...]:
-    return tuple(edge for rim in rims for edge in _edges(rim_wedges(*rim)))
+    return tuple(edge for rim in rims for edge in _edges((Wedge(*rim[0]), Wedge(*rim[1]))))
 
 
 def _edges(wedges: tuple[Wedge, ...]) -> tuple[Edge, Edge]:

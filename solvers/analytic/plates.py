@@ -433,8 +433,8 @@ def plate_modes(
 def pillar_modes(frequency_hz: float, pillar: Pillar) -> float:
     """Estimate the number of modes below a frequency of a pillar clamped at its foot.
 
-    Every branch of its section has h (n - 1/2) half-waves along the pillar. A tip mass counts as a pillar of the total height
-    and the total mass.
+    Every branch of its section has h (n - 1/2) half-waves along the pillar. Several sections count as a pillar of the highest
+    one's section and stiffness, the total height and the total mass.
 
     Parameters
     ----------
@@ -448,9 +448,10 @@ def pillar_modes(frequency_hz: float, pillar: Pillar) -> float:
     float
         Expected number.
     """
-    height, material = pillar.top_m, pillar.material
-    side = sqrt(pillar.form.section.area_m2)
-    if pillar.tip:
+    highest = pillar.parts[pillar.highest]
+    height, material = pillar.top_m, highest.material
+    side = sqrt(highest.form.section.area_m2)
+    if pillar.upper:
         material = replace(material, density_kg_m3=pillar.mass_kg / (side**2 * height))
     shear, longitudinal, bending = _waves(frequency_hz, side, material)
     if shear * side / pi > MAX_BRANCHES:

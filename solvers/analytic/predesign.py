@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, inf, isnan, pi, sqrt
 from typing import Literal
@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.layout import Design, Pillar, Tip, half_wavelength_m
+from geometry.layout import Design, Pillar, Section, half_wavelength_m
 from solvers.analytic.beams import (
     Beam,
     EndBody,
@@ -31,6 +31,7 @@ from solvers.analytic.plates import (
     levy_hz,
     mindlin_mode,
 )
+from solvers.analytic.stepped import chain_frequencies_hz
 from solvers.errors import SolverError, check_above_zero
 
 Theory = Literal["euler", "timoshenko"]
@@ -139,14 +140,14 @@ def free_kx_per_m(design: Design) -> float:
 
 
 def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = False) -> Beam:
-    """Model the pillar as a beam on its clamped foot, without fillet; a tip mass is a rigid block on its end.
+    """Model the pillar as a beam on its clamped foot, without fillet; sections above the first one are a rigid body on its end.
 
     Parameters
     ----------
     pillar : Pillar
         Sizes in m.
     height_m : float, optional
-        In the place of the pillar's own height.
+        In the place of its first section's height.
     about_x : bool, optional
         Bend it about x, else about the axis where it is weaker.
 
@@ -155,29 +156,40 @@ def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = F
     Beam
         In SI units.
     """
-    form, material = pillar.form, pillar.material
-    section, height = form.section, pillar.height_m if height_m is None else height_m
+    beam = _section_beam(pillar, pillar.height_m if height_m is None else height_m, about_x)
+    return replace(beam, end=upper_body(pillar.upper)) if pillar.upper else beam
+
+
+def _section_beam(part: Pillar | Section, height_m: float, about_x: bool) -> Beam:
+    """One section as a beam."""
+    form, material = part.form, part.material
+    section = form.section
     about = section.about_x_m4 if about_x else min(section.about_x_m4, section.about_y_m4)
-    beam = beam_of(height, section.area_m2, about, form.shear_factor(material.rod(2).poisson), material)
+    beam = beam_of(height_m, section.area_m2, about, form.shear_factor(material.rod(2).poisson), material)
     slope = form.taper - 1.0
-    beam = replace(beam, width_ratio=lambda s: 1.0 + slope * s) if slope else beam
-    return replace(beam, end=tip_body(pillar.tip)) if pillar.tip else beam
+    return replace(beam, width_ratio=lambda s: 1.0 + slope * s) if slope else beam
 
 
-def tip_body(tip: Tip) -> EndBody:
-    """Model a tip mass as a rigid block: M, and M (side^2 + height^2)/12 about its centre, half its height above the pillar.
+def upper_body(sections: Sequence[Section]) -> EndBody:
+    """Model sections of a pillar as one rigid body: their masses, and their inertia about their common centre.
 
     Parameters
     ----------
-    tip : Tip
-        Sizes in m.
+    sections : sequence of Section
+        One on top of the other, taken as prisms.
 
     Returns
     -------
     EndBody
-        Mass in kg, moment of inertia in kg m^2 and arm in m.
+        Mass in kg, moment of inertia in kg m^2 and arm in m above the lowest one's foot.
     """
-    return EndBody(tip.mass_kg, tip.mass_kg * (tip.side_m**2 + tip.height_m**2) / 12.0, tip.height_m / 2.0)
+    ends = np.cumsum([section.height_m for section in sections])
+    masses, heights = (np.array([getattr(section, name) for section in sections]) for name in ("mass_kg", "height_m"))
+    middles = ends - heights / 2.0
+    mass, centre = masses.sum(), masses @ middles / masses.sum()
+    turned = np.array([section.form.section.about_x_m4 / section.form.section.area_m2 for section in sections])
+    inertia = masses @ (turned + heights**2 / 12.0 + (middles - centre) ** 2)
+    return EndBody(float(mass), float(inertia), float(centre))
 
 
 def pillar_frequencies_hz(
@@ -194,7 +206,7 @@ def pillar_frequencies_hz(
     count : int, optional
         Number of frequencies.
     height_m : float, optional
-        In the place of the pillar's own height.
+        In the place of the pillar's own height, or of its highest section's (`Pillar.highest`).
     about_x : bool, optional
         Bend it about x, else about the axis where it is weaker.
 
@@ -203,8 +215,13 @@ def pillar_frequencies_hz(
     ndarray, shape (count,)
         In Hz.
     """
+    if pillar.upper:
+        heights = [section.height_m for section in pillar.parts]
+        heights[pillar.highest] = heights[pillar.highest] if height_m is None else height_m
+        chain = [_section_beam(*each, about_x) for each in zip(pillar.parts, heights, strict=True)]
+        return chain_frequencies_hz(chain, count, theory == "euler")
     beam = pillar_beam(pillar, height_m, about_x)
-    if beam.width_ratio is not None or beam.end is not None:
+    if beam.width_ratio is not None:
         return ritz_frequencies_hz(beam, "clamped", "free", count, rigid_shear=theory == "euler")
     if theory == "timoshenko":
         return np.array(exact_omegas(beam, "clamped", "free", count)) * beam.unit_rad_s / (2.0 * pi)
@@ -212,7 +229,8 @@ def pillar_frequencies_hz(
 
 
 def pillar_height_m(pillar: Pillar, target_hz: float, theory: Theory) -> float:
-    """Find the height whose first bending frequency is a given one, for the same section.
+    """Find the height whose first bending frequency is a given one, for the same cross-sections; of several sections that of
+    the highest one.
 
     Parameters
     ----------
@@ -238,7 +256,7 @@ def pillar_height_m(pillar: Pillar, target_hz: float, theory: Theory) -> float:
     def first_hz(height_m: float) -> float:
         return float(pillar_frequencies_hz(pillar, theory, 1, height_m)[0])
 
-    return _solved(lambda height: first_hz(height) - target_hz, pillar.height_m)
+    return _solved(lambda height: first_hz(height) - target_hz, pillar.parts[pillar.highest].height_m)
 
 
 def zone_width_m(strip: Strip, nodal_lines: int, target_hz: float) -> float:
@@ -336,7 +354,7 @@ def _pillar_size(pillar: Pillar, target_hz: float | None) -> PillarSize:
         height_m=pillar_height_m(pillar, target, "euler"),
         frequency_hz=target,
         timoshenko_height_m=pillar_height_m(pillar, target, "timoshenko"),
-        given_height_m=pillar.height_m,
+        given_height_m=pillar.parts[pillar.highest].height_m,
         given_euler_hz=euler,
         given_timoshenko_hz=first,
         given_second_hz=second,
@@ -411,12 +429,12 @@ def _row_limits(design: Design) -> list[str]:
 
 
 def _pillar_limits(pillar: Pillar, size: PillarSize) -> list[str]:
-    slenderness = pillar.height_m / pillar.base_m
+    slenderness = pillar.top_m / pillar.base_m
     change = size.given_timoshenko_hz / size.given_euler_hz - 1.0
     lines = [
         f"pillar: height over width {slenderness:.2f}; shear and rotary inertia change its first frequency by "
         f"{100 * change:+.1f} % ({size.given_euler_hz / 1e3:.3g} to {size.given_timoshenko_hz / 1e3:.3g} kHz at "
-        f"{1e3 * pillar.height_m:.3g} mm)",
+        f"{1e3 * size.given_height_m:.3g} mm)",
         f"pillar: {size.frequency_hz / 1e3:.3g} kHz takes {1e3 * size.height_m:.3g} mm without shear, "
         f"{1e3 * size.timoshenko_height_m:.3g} mm with it; the plate under the foot lowers the frequency further",
     ]
@@ -424,10 +442,10 @@ def _pillar_limits(pillar: Pillar, size: PillarSize) -> list[str]:
         lines.append(
             f"pillar: height over width {slenderness:.2f} is below 3: beam theory is only a guess; compute the solid"
         )
-    if pillar.tip:
-        share = pillar.tip.mass_kg / (pillar.mass_kg - pillar.tip.mass_kg)
+    if pillar.upper:
         lines.append(
-            f"pillar: its heavy tip, {share:.2g} times the pillar's mass, is treated as a rigid block on its end"
+            f"pillar: a chain of {len(pillar.parts)} beams; the heights above are those of section "
+            f"{pillar.highest + 1}, the highest one"
         )
     if note := pillar.form.sizing_note:
         lines.append(f"pillar: {note}")

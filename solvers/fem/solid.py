@@ -252,7 +252,7 @@ class SolidModel:
 
     def pillar_share(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
         """Share of the pillars in the kinetic energy of M-orthonormal modes, (k,)."""
-        mass = self.system.region_mass("pillar", "tip")
+        mass = self.system.region_mass(*self.mesh.standing)
         if mass is None:
             return np.zeros(vectors.shape[1])
         field = self.field(symmetry, vectors)

@@ -309,7 +309,7 @@ class CellBuilder:
 
     def _projection(self, part: SymmetryClass) -> tuple[FloatArray, ...]:
         system, shapes = self.system, part.shapes
-        pillar = system.region_mass("pillar", "tip")
+        pillar = system.region_mass(*system.mesh.standing)
         stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
         heavy = np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
         lossy = (shapes.T @ (system.loss @ shapes),) if isinstance(system.loss, sp.csr_array) else ()

@@ -63,7 +63,7 @@ def _cell(pillar: str, *more: str, thickness_mm: float = 1.0, pitch_mm: float = 
 
 STUB, SQUAT = 'shape="round",diameter_mm=7.0,height_mm=10.0', 'shape="round",diameter_mm=7.0,height_mm=5.0'
 SOFT = f"{SQUAT},material={SILICONE}"
-NECK = f'shape="square",side_mm=6.0,height_mm=5.0,material={SILICONE}'
+NECK = f'side_mm=6.0,section=[{{height_mm=5.0,material={SILICONE}}},{{height_mm=5.0,material="steel"}}]'
 CELLS = {
     "stub": _cell(STUB, thickness_mm=5.0, count=16),
     "stub fine": _cell(STUB, "solve.accuracy=0.003", thickness_mm=5.0, count=16),
@@ -73,7 +73,7 @@ CELLS = {
     "soft": _cell(SOFT, count=8),
     "soft many": _cell(SOFT, count=16),
     "soft both": _cell(f'{SOFT},faces="both"', "solve.accuracy=0.03", count=8),
-    "neck and tip": _cell(NECK, "tip={side_mm=6.0,height_mm=5.0}", 'tip.material="steel"', count=8),
+    "neck and cap": _cell(NECK, count=8),
     "rods 40": _cell('shape="round",diameter_mm=6.35,height_mm=40.0', thickness_mm=6.0, pitch_mm=20.0),
     "rods 140": _cell('shape="round",diameter_mm=6.35,height_mm=140.0', thickness_mm=6.0, pitch_mm=20.0, count=20),
     "square rods": _cell('shape="square",side_mm=3.0,height_mm=60.0', thickness_mm=3.0, count=20),

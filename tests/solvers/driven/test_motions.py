@@ -27,7 +27,16 @@ def drawn() -> Contacts:
 
 
 def made(gains: np.ndarray, beyond: np.ndarray, value: np.ndarray) -> Contacts:
-    return Contacts(beyond.astype(complex), gains, value, LOSS * np.ones(len(value)), UNIT, np.array([0.3, 0.4, 0.5]), DRIVERS, SENSORS)
+    return Contacts(
+        beyond.astype(complex),
+        gains,
+        value,
+        LOSS * np.ones(len(value)),
+        UNIT,
+        np.array([0.3, 0.4, 0.5]),
+        DRIVERS,
+        SENSORS,
+    )
 
 
 def fed(contacts: Contacts, stiffness: complex | None = STIFFNESS) -> Motions:
