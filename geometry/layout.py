@@ -189,7 +189,8 @@ class Pillar:
         """Lengths in plan that a printer must resolve and a mesh must follow, m."""
         own = self.form.features
         for number, section in enumerate(self.upper, start=2):
-            own |= {f"section {number}, {name}": size for name, size in section.form.features.items()}
+            known = section.form.features.items()
+            own |= {f"section {number} {name.removeprefix('pillar ')}": size for name, size in known}
         return own
 
     @property

@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline import paths
 from pipeline.case.reading import Diagnostics, check_table, is_file, nearest, nearest_file, read_toml, toml_text
-from pipeline.case.schema import known_keys
+from pipeline.case.schema import known_keys, of_any_element
 from pipeline.errors import InputError, reason
 from pipeline.logs import flat
 from pipeline.paths import STUDIES
@@ -224,7 +224,7 @@ def _read_sweep(table: Any, diagnostics: Diagnostics, paired: bool) -> tuple[dic
     paired = paired or zipped is True
     known = known_keys()
     for key, values in lists.items():
-        if key not in known:
+        if of_any_element(key) not in known:
             diagnostics.unknown(f'sweep."{key}"', values, known)
         elif not isinstance(values, list) or not values:
             diagnostics.add(f'sweep."{key}"', values, "must be a list of at least one value")

@@ -496,22 +496,24 @@ def _zones(values: Values) -> dict[str, Any]:
 def _pillar(values: Values, row: Tables, form: PillarShape | None) -> Pillar | None:
     if form is None:
         return None
-    material = values.materials["pillar" if "pillar" in values.materials else ""]
+    known = values.materials
+    usual = known.get("pillar", known.get("")) or known["pillar.section.0"]
+    material = known.get("pillar.section.0", usual)
     height, fillet = form.height_m(_metres(row.pillar.height_mm)), MM * row.pillar.fillet_mm
-    more: dict[str, Any] = {"file": form.file, "more_m": form.more_m, "upper": _upper(values, material)}
+    more: dict[str, Any] = {"file": form.file, "more_m": form.more_m, "upper": _upper(values, usual)}
     more["faces"] = 2 if row.pillar.faces == "both" else 1
     return Pillar(form.name, form.width_m, form.tip_m, height, material, fillet, **more)
 
 
-def _upper(values: Values, pillar: Material) -> tuple[Section, ...]:
-    """Return the sections above the first one, of the pillar's material unless they have their own."""
+def _upper(values: Values, usual: Material) -> tuple[Section, ...]:
+    """Return the sections above the first one, of the usual material unless they have their own."""
     return tuple(
         Section(
             (form := each.form).name,
             form.width_m,
             form.tip_m,
             MM * each.height_mm,
-            values.materials.get(each.owner, pillar),
+            values.materials.get(each.owner, usual),
             form.more_m,
         )
         for each in values.tables.upper

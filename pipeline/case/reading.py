@@ -585,8 +585,6 @@ def _read_sections(
         same = own.get("shape", below.get("shape")) == below.get("shape")
         below = {key: value for key, value in ((below if same else {}) | own).items() if key != "height_mm"}
         found.append(below | ({"height_mm": own["height_mm"]} if "height_mm" in own else {}))
-    if f"{SECTION}.0" in materials:
-        materials["pillar"] = materials.pop(f"{SECTION}.0")
     return found if len(diagnostics.lines) == before else []
 
 
@@ -627,7 +625,7 @@ def _read_material(
         pillar = owner_table.get("pillar") if isinstance(owner_table, dict) and owner == "" else None
         if owner.startswith("plate."):
             diagnostics.missing(key, f"must be {MATERIAL_ALLOWED} ({', '.join(MATERIALS)})")
-        elif owner == "" and layered and (not isinstance(pillar, dict) or "material" in pillar):
+        elif owner == "" and layered and (not is_table(pillar) or _has_materials(pillar)):
             pass
         elif owner == "":
             why = ", of the pillars: the plate's layers have their own" if layered else ""
@@ -655,6 +653,13 @@ def _read_material(
                 diagnostics.add(f"{key}.{name if named_by_law else law}", value[law], what)
     else:
         diagnostics.add(key, value, f"must be {MATERIAL_ALLOWED}")
+
+
+def _has_materials(pillar: Any) -> bool:
+    """Whether a table of a pillar names its material, or those of all its sections."""
+    sections = pillar.get("section")
+    named = isinstance(sections, list) and all(is_table(each) and "material" in each for each in sections)
+    return "material" in pillar or (named and bool(sections))
 
 
 def _check_law(value: dict[str, Any], key: str, diagnostics: Diagnostics) -> None:

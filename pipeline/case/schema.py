@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, Self, TypedDict
@@ -607,14 +608,21 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": dialect, "type": "object", "properties": top | tables, "additionalProperties": False, **root}
 
 
+LISTS: dict[str, type[Table]] = {"plate.layer": LayerTable, "pillar.section": SectionTable}
+
+
+def of_any_element(key: str) -> str:
+    """Return a key of an element of a list of tables as that of the first element, any other key as it is."""
+    return re.sub(rf"^({'|'.join(map(re.escape, LISTS))})\.\d{{1,4}}\.", r"\1.0.", key, flags=re.ASCII)
+
+
 def known_keys() -> list[str]:
     """Return every dotted key of a case file, such as pillar.side_mm."""
     owners = [f"{owner}.material".lstrip(".") for owner in MATERIAL_OWNERS]
     constants = [*MaterialTable.model_fields]
     constants += [f"cubic_GPa.{key}" for key in CubicTable.model_fields] + [f"orthotropic.{key}" for key in NINE]
     keys = ["name", *owners, *(f"{owner}.{key}" for owner in owners for key in constants)]
-    keys += ["plate.layer.0.thickness_mm", "plate.layer.0.material", "pillar.section.0.material"]
-    keys += [f"pillar.section.0.{key}" for key in SectionTable.model_fields]
+    keys += [f"{name}.0.{key}" for name, model in LISTS.items() for key in ("material", *model.model_fields)]
     keys += [f"touch.impedance.{key}" for key in FingertipTable.model_fields]
     keys += [f"{table}.{key}" for table, model in TABLES.items() for key in model.model_fields]
     return sorted(set(keys))

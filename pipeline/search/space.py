@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -16,7 +16,7 @@ from geometry.layout import Design
 from geometry.materials import MATERIALS
 from pipeline.case.model import Case, parsed
 from pipeline.case.reading import HEIGHTS, SIDES, UNIFORM_ROW_KEYS, apply_overrides, nearest, toml_text
-from pipeline.case.schema import MATERIAL_OWNERS, TABLES, known_keys
+from pipeline.case.schema import LISTS, MATERIAL_OWNERS, TABLES, Table, known_keys, of_any_element
 from pipeline.errors import InputError
 from pipeline.quantity import MM
 from pipeline.search.terms import Range, Window
@@ -111,7 +111,7 @@ class Space:
         """Value of a key in the file, as a number for words; None if the file has none."""
         table, _, name = variable.key.rpartition(".")
         raw, design = apply_overrides(self.base.raw, parsed(self.base.overrides)), self.base.design
-        value = (raw.get(table, {}) if table else raw).get(name)
+        value = _at(raw, table).get(name)
         if variable.row is not None:
             return self._of_row(design, variable.key, variable.row)
         if variable.key == "zone.gap_mm" and design.zones > 1:
@@ -119,7 +119,9 @@ class Space:
         if variable.words:
             if name == "material":
                 value = _material(design, table)
-            word = _word(TABLES[table].model_fields[name].default if value is None else value)
+            word = _word(
+                dict(_varied())[of_any_element(f"{table}.")[:-1]].model_fields[name].default if value is None else value
+            )
             return float(variable.words.index(word)) if word in variable.words else None
         return value if isinstance(value, int | float) else None
 
@@ -130,8 +132,24 @@ class Space:
         return round(own.get(key, float(design.row_pitches_m[row - 1])) / MM, 9)
 
 
+def _at(raw: dict[str, Any], table: str) -> dict[str, Any]:
+    """Return a table of a file, or an element of a list of tables, by its dotted name; empty where there is none."""
+    found: Any = raw
+    for part in table.split(".") if table else ():
+        if isinstance(found, list):
+            found = found[int(part)] if part.isdecimal() and int(part) < len(found) else {}
+        else:
+            found = found.get(part, {})
+    return found if isinstance(found, dict) else {}
+
+
 def _material(design: Design, owner: str) -> str:
     """Name of the material of a table, "" for the top of the file."""
+    list_name, _, number = owner.rpartition(".")
+    if list_name == "pillar.section" and design.pillar:
+        return design.pillar.sections[int(number)].material.name
+    if list_name == "plate.layer":
+        return design.stack.layers[int(number)].material.name
     return ((design.pillar if owner else None) or design).material.name
 
 
@@ -182,18 +200,18 @@ def space_of(case: Case, ranges: Sequence[Range]) -> Space:
 def variable_of(between: Range) -> Variable:
     """Return the variable of a range; InputError for an unknown key, or ends that are not ascending numbers."""
     key, *ends = between
-    known, worded = searchable_keys(), word_keys()
-    if key in worded:
-        words = tuple(word for word in worded[key] if word in map(_word, ends))
+    known, worded, own = searchable_keys(), word_keys(), of_any_element(key)
+    if own in worded:
+        words = tuple(word for word in worded[own] if word in map(_word, ends))
         if len(words) != 2:
-            others = "" if len(worded[key]) == 2 else f", two of {', '.join(worded[key])}"
-            raise InputError(f"--vary {between}: must be {key}={':'.join(worded[key][:2])}{others}")
+            others = "" if len(worded[own]) == 2 else f", two of {', '.join(worded[own])}"
+            raise InputError(f"--vary {between}: must be {key}={':'.join(worded[own][:2])}{others}")
         return Variable(key, 0.0, 1.0, 1.0, True, None, words)
-    if key not in known:
-        guess = "" if key in known_keys() else nearest(key, sorted({*known, *worded}))
+    if own not in known:
+        guess = "" if own in known_keys() else nearest(key, sorted({*known, *worded}))
         allowed = f"must be a number or a choice in one of {', '.join(f'[{table}]' for table in VARIED)}"
         raise InputError(f"--vary {between}: {key} does not set a number of the plate{guess}, {allowed}")
-    whole = known[key]
+    whole = known[own]
     numbers = [float(n) for n in ends if isinstance(n, int | float) and not isinstance(n, bool) and isfinite(n)]
     if len(numbers) != 2:
         raise InputError(f"--vary {between}: both ends must be numbers, {EXAMPLE}")
@@ -208,8 +226,8 @@ def variable_of(between: Range) -> Variable:
 def searchable_keys() -> dict[str, bool]:
     """Keys with a single number in the tables that shape the plate, and whether it is a whole one."""
     keys: dict[str, bool] = {}
-    for table in VARIED:
-        for name, field in TABLES[table].model_fields.items():
+    for table, model in _varied():
+        for name, field in model.model_fields.items():
             kind = str(field.annotation)
             if not any(word in kind for word in ("Literal", "str", "bool")):
                 keys[f"{table}.{name}"] = "int" in kind
@@ -218,14 +236,21 @@ def searchable_keys() -> dict[str, bool]:
 
 def word_keys() -> dict[str, tuple[str, ...]]:
     """Keys with a choice of words in the tables that shape the plate, and these words."""
-    words: dict[str, tuple[str, ...]] = {f"{owner}.material".lstrip("."): tuple(MATERIALS) for owner in MATERIAL_OWNERS}
-    for table in VARIED:
-        for name, field in TABLES[table].model_fields.items():
+    owners = (*MATERIAL_OWNERS, *(f"{name}.0" for name in LISTS))
+    words: dict[str, tuple[str, ...]] = {f"{owner}.material".lstrip("."): tuple(MATERIALS) for owner in owners}
+    for table, model in _varied():
+        for name, field in model.model_fields.items():
             kind = field.annotation
             options = (False, True) if kind is bool else get_args(kind) if get_origin(kind) is Literal else ()
             if len(options) > 1:
                 words[f"{table}.{name}"] = tuple(map(_word, options))
     return words
+
+
+def _varied() -> Iterator[tuple[str, type[Table]]]:
+    """Tables and elements of lists that shape the plate, as prefixes of their keys."""
+    yield from ((name, TABLES[name]) for name in VARIED)
+    yield from ((f"{name}.0", model) for name, model in LISTS.items())
 
 
 def _word(value: Any) -> str:
@@ -272,8 +297,11 @@ def _check_ends(case: Case, variables: list[Variable], others: list[Variable], b
 
 def _is_allowed(key: str, value: Any) -> bool:
     """Whether the schema allows a value for a key, regardless of the other keys."""
-    table, _, name = key.rpartition(".")
-    field = TABLES[table].model_fields[name]
+    table, _, name = of_any_element(key).rpartition(".")
+    model = LISTS[table.removesuffix(".0")] if table.endswith(".0") else TABLES[table]
+    if name == "material":
+        return True
+    field = model.model_fields[name]
     try:
         strictly = ConfigDict(strict=True, allow_inf_nan=False)
         kind: Any = Annotated[field.annotation, field]

@@ -139,6 +139,9 @@ def free_kx_per_m(design: Design) -> float:
     return sqrt(max(levy_along_per_m2(strip, design.nodal_lines), 0.0))
 
 
+BENDS = 0.05  # of the first frequency: upper sections that change it by more are no rigid body
+
+
 def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = False) -> Beam:
     """Model the pillar as a beam on its clamped foot, without fillet; sections above the first one are a rigid body on its end.
 
@@ -155,9 +158,24 @@ def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = F
     -------
     Beam
         In SI units.
+
+    Raises
+    ------
+    SolverError
+        If sections above the first one bend, which then is no beam under a rigid body.
     """
     beam = _section_beam(pillar, pillar.height_m if height_m is None else height_m, about_x)
-    return replace(beam, end=upper_body(pillar.upper)) if pillar.upper else beam
+    if not pillar.upper:
+        return beam
+    beam = replace(beam, end=upper_body(pillar.upper))
+    rigid = ritz_frequencies_hz(beam, "clamped", "free", 1)[0]
+    bent = chain_frequencies_hz([_section_beam(part, part.height_m, about_x) for part in pillar.parts], 1)[0]
+    if height_m is None and rigid > (1.0 + BENDS) * bent:
+        share = 100.0 * (rigid / bent - 1.0)
+        raise SolverError(
+            f"the pillar's upper sections bend: rigid ones would raise its first frequency by {share:.0f} %; compute its solid"
+        )
+    return beam
 
 
 def _section_beam(part: Pillar | Section, height_m: float, about_x: bool) -> Beam:

@@ -30,8 +30,8 @@ SMALL = ROOT / "examples" / "small.toml"
 NAMES = [
     "AntinodeWarning", "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Crosstalk",
     "Damping", "Finger", "Hybrid", "InputError", "Mode",
-    "Modes", "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Solve", "SolverError",
-    "SweepTable", "Tip", "Tolerance", "Touch", "Travel", "Target", "Zone", "__version__", "load", "open", "sweep",
+    "Modes", "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Section", "Solve", "SolverError",
+    "SweepTable", "Tolerance", "Touch", "Travel", "Target", "Zone", "__version__", "load", "open", "sweep",
 ]  # fmt: skip
 
 

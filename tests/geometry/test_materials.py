@@ -9,7 +9,7 @@ import pytest
 
 from geometry.errors import GeometryError
 from geometry.hex.boxes import Boxes, hex_mesh
-from geometry.layout import Design, Pillar, Tip
+from geometry.layout import Design, Pillar, Section
 from geometry.materials import MATERIALS, Material
 from solvers.analytic.plates import lamb_hz
 from solvers.fem.assembly import Scale, assemble
@@ -73,11 +73,13 @@ def test_mirrors_are_what_a_law_keeps(law: Material, kept: tuple[str, ...]) -> N
     assert law.mirrors == kept
 
 
-@pytest.mark.parametrize("place", ["plate", "pillar", "tip"])
+@pytest.mark.parametrize("place", ["plate", "pillar", "section2"])
 def test_a_design_is_as_symmetric_as_its_materials(place: str) -> None:
     def design(law: Material) -> Design:
-        laws = dict.fromkeys(("plate", "pillar", "tip"), STEEL) | {place: law}
-        pillar = Pillar("square", 2e-3, 2e-3, 6e-3, laws["pillar"], tip=Tip(3e-3, 1e-3, laws["tip"]))
+        laws = dict.fromkeys(("plate", "pillar", "section2"), STEEL) | {place: law}
+        pillar = Pillar(
+            "square", 2e-3, 2e-3, 6e-3, laws["pillar"], upper=(Section.square(3e-3, 1e-3, laws["section2"]),)
+        )
         return Design(0.1, 0.02, 2e-3, 8, laws["plate"], pillar, 4e-3, 4e-3, 2, 5e-3)
 
     assert design(STEEL).cell_mirrors == ("x", "y", "d") and design(STEEL).is_mirrored

@@ -51,7 +51,7 @@ def test_two_layers_bend_about_their_neutral_plane() -> None:
 def test_each_layer_is_a_region_and_pillars_stand_on_the_back() -> None:
     pillar = Pillar("square", 2e-3, 2e-3, 6e-3, STEEL)
     assert PAIR.regions == {"plate": STEEL, "layer2": ALUMINIUM} and PAIR.levels_m == pytest.approx([0.0, 1e-3, 3e-3])
-    assert region_materials(PAIR, None)["pillar"] is ALUMINIUM and region_materials(PAIR, pillar)["tip"] is STEEL
+    assert region_materials(PAIR, None)["pillar"] is ALUMINIUM and region_materials(PAIR, pillar)["pillar"] is STEEL
 
 
 def test_a_stack_is_as_symmetric_as_its_layers_and_one_material_only_where_it_has_one() -> None:

@@ -15,7 +15,7 @@ from pipeline.questions.crosstalk import CrosstalkResult
 from pipeline.questions.touch import TouchResult
 from pipeline.records.record import (
     PillarRecord,
-    TipRecord,
+    SectionRecord,
 )
 from studies import reproduction
 from tests.helpers.synthetic import design
@@ -104,7 +104,7 @@ def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkey
     glass = next(wish for wish in reproduction.WISHES if wish.study == "glass")
     assert glass.text(tmp_path) == "" and load_study("glass").name == "glass"
     small = {"shape": "square", "base_m": 1e-3, "tip_m": 1e-3, "height_m": 2e-3, "fillet_m": 0.0}
-    heavy = PillarRecord(**small, heavy_tip=TipRecord(side_m=1.5e-3, height_m=9e-4))
+    heavy = PillarRecord(**small, upper=(SectionRecord(shape="square", base_m=1.5e-3, tip_m=1.5e-3, height_m=9e-4),))
     plate = design(3, 4e-3, 0.01).model_copy(update={"pillar": heavy})
     mode = TargetMode(
         status="single", frequency_hz=30e3, mac=0.9, strength=0.5, confinement_db=15.5, confinement_error_db=0.25
@@ -117,7 +117,7 @@ def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkey
     (tmp_path / "pictures").mkdir()
     page = glass.text(tmp_path)
     picture = (tmp_path / "pictures" / "glass.svg").read_text()
-    assert "heavy tips" in picture and "no pillars" not in picture  # a plate without a level has no mark
+    assert "heavy caps" in picture and "no pillars" not in picture  # a plate without a level has no mark
     tips = "1 x 2 | 1.5 x 0.9"
     assert f"| 3 | {tips} | 20 | 30.00, single | 15.5 ± 0.2 |" in page
     assert "| 0 | none | none | 20 | none | none |" in page

@@ -8,7 +8,7 @@ import pytest
 
 from geometry.hex.boxes import boxes_of, hex_mesh
 from geometry.hex.scenes import HexSettings, Scene, box_counts, cell_scene, pillar_scene, plate_scene, zone_scene
-from geometry.layout import Design, Pillar, Tip, region_materials
+from geometry.layout import Design, Pillar, Section, region_materials
 from geometry.materials import MATERIALS, Stack
 from geometry.mesh import cell_volumes, check_mesh
 from solvers.fem.assembly import assemble
@@ -22,8 +22,8 @@ UNLIKE = replace(
     graded=(PILLAR, replace(PILLAR, base_m=1.5e-3, tip_m=1.5e-3, height_m=3e-3)),
     graded_pitches_m=(5e-3, 4e-3),
 )
-WIDE = replace(PILLAR, tip=Tip(3e-3, 1e-3, ALUMINIUM))
-CROSS = replace(WIDE, shape="cross", more_m=(("arm_m", 1e-3),), tip=Tip(1.5e-3, 1e-3, ALUMINIUM))
+WIDE = replace(PILLAR, upper=(Section.square(3e-3, 1e-3, ALUMINIUM),))
+CROSS = replace(WIDE, shape="cross", more_m=(("arm_m", 1e-3),), upper=(Section.square(1.5e-3, 1e-3, ALUMINIUM),))
 HEAVY = replace(UNLIKE, graded=(WIDE, replace(CROSS, height_m=3e-3)))
 BOTH = replace(HEAVY, pillar=replace(PILLAR, faces=2), graded=tuple(replace(each, faces=2) for each in HEAVY.graded))
 COARSE, GRADED = HexSettings(2, 4e-3, 0), HexSettings(2, 2.5e-3, 1, 0.2, 2e-3, 2)
@@ -37,7 +37,9 @@ SCENES = {
     "cell": cell_scene(DESIGN, GRADED),
     "rows that differ": plate_scene(UNLIKE, GRADED),
     "heavy tip": pillar_scene(WIDE, GRADED),
-    "heavy tip of one side": cell_scene(replace(DESIGN, pillar=replace(WIDE, tip=Tip(2e-3, 1e-3, ALUMINIUM))), GRADED),
+    "heavy tip of one side": cell_scene(
+        replace(DESIGN, pillar=replace(WIDE, upper=(Section.square(2e-3, 1e-3, ALUMINIUM),))), GRADED
+    ),
     "tip within a cross": pillar_scene(CROSS, GRADED),
     "heavy tips that differ": plate_scene(HEAVY, GRADED),
     "heavy tips on both faces": plate_scene(BOTH, GRADED),
@@ -58,7 +60,7 @@ def test_heavy_tips_fill_their_closed_form_volume() -> None:
     exact = 6.5 * 10.5 * 2.0 + 1.5 * (2.0 * 2.0 * 4.0 + 3.0 * 3.0 * 1.0 + 3.0 * 3.0 + 1.5 * 1.5 * 1.0)
     assert HEAVY.half_span_m == pytest.approx(10.5e-3)
     assert check_mesh(mesh).volume_m3 == pytest.approx(1e-9 * exact, rel=1e-12)
-    of_tips = cell_volumes(mesh)[mesh.regions["tip"]].sum()
+    of_tips = cell_volumes(mesh)[mesh.regions["section2"]].sum()
     assert of_tips == pytest.approx(1e-9 * 1.5 * (9.0 + 2.25), rel=1e-12)
     outer = replace(DESIGN, pillar=WIDE)
     assert outer.half_span_m == pytest.approx(4e-3 + 1e-3 + 1.5e-3), "the plate ends below the last tip"

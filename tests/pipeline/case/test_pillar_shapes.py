@@ -69,8 +69,8 @@ def test_another_shape_keeps_the_sizes_that_it_shares() -> None:
         ((*CROSS, "pillar.fillet_mm=0.2", "solve.mesh=hex"), "hexahedra cannot follow a cross pillar with a fillet"),
         ((*HEXAGON, "array.pitch_mm=8", "tolerance.side_mm=0.7"), "must be below 0.666667, a third of pillar.side_mm"),
         ((*HEXAGON, "tolerance.side_mm=0.5"), "pillars may touch: 3 side_mm + 6 position_mm must be below the room 1.6"),
-        ((*HEXAGON, "pillar.fillet_mm=0.2", "tolerance.side_mm=0.01"), "cross-shaped pillars without fillet or heavy tip"),
-        ((*CROSS, "pillar.faces=both", "tolerance.side_mm=0.01"), "cross-shaped pillars without fillet or heavy tip"),
+        ((*HEXAGON, "pillar.fillet_mm=0.2", "tolerance.side_mm=0.01"), "cross-shaped pillars of one section without fillet"),
+        ((*CROSS, "pillar.faces=both", "tolerance.side_mm=0.01"), "cross-shaped pillars of one section without fillet"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_refused_in_one_line(overrides: tuple[str, ...], expected: str) -> None:

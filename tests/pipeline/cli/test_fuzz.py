@@ -37,7 +37,7 @@ MAX_DURATION_S = (
     10.0  # of processor time for one input: a hundred times what any takes, below the squares that once took minutes
 )
 # a law's twenty keys only where the case has its material: of three owners they would be half of all, nearly always refused
-KEYS = [key for key in known_keys() if not key.startswith(("pillar.material.", "tip.material."))]
+KEYS = [key for key in known_keys() if not key.startswith("pillar.material.")]
 ODD = [
     "0", "-0.0", "1", "-1", "1e308", "-1e308", "1e-308", "5e-324", "1e-60", "3e-8", "nan", "inf", "-inf", "true", "9" * 400,
     "0.001", "1e4", "1e-3", "2e-3", "1000", "0.5", "2.0000001", "[]", "{}", "[[]]", '""', '"\\u0000"', '"\\n"', "'x'",

@@ -312,7 +312,7 @@ def test_a_cell_takes_what_is_foreseen_within_a_factor_of_two(name: str) -> None
 @pytest.mark.slow
 def test_a_heavy_tip_on_a_soft_neck_is_not_taken_for_many_functions() -> None:
     """The cell's own modes are counted on a coarse mesh; a smeared mass had 6000 where 20 lie below the cut-off."""
-    (demand,) = Bands().plan(load_case(SMALL, CELLS["neck and tip"].split()[3::2])).demands.values()
+    (demand,) = Bands().plan(load_case(SMALL, CELLS["neck and cap"].split()[3::2])).demands.values()
     assert demand.functions and demand.functions < 300 and max(demand.finer_bytes) < 8.0 * GIB
 
 

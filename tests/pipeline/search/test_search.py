@@ -14,7 +14,7 @@ import pytest
 
 from geometry.layout import Pillar
 from pipeline.case.model import Case, load_case
-from pipeline.case.schema import known_keys
+from pipeline.case.schema import known_keys, of_any_element
 from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.paths import ROOT, STUDIES
@@ -144,7 +144,7 @@ def test_a_key_of_two_words_is_chosen() -> None:
         parse_vary("pillar.faces=back:touch")
 
 
-TIP = "tip={side_mm=3.0, height_mm=1.0}"
+CAP = "pillar={side_mm=2.0, section=[{height_mm=6.3}, {side_mm=3.0, height_mm=1.0}]}"
 CHANGES = {  # every key of rows, tips, faces and zones: what the file has beside, what is varied
     "array.heights_mm": ((), "5:7"),
     "array.sides_mm": ((), "1.5:2.5"),
@@ -153,9 +153,9 @@ CHANGES = {  # every key of rows, tips, faces and zones: what the file has besid
     "pillar.faces": ((), "back:both"),
     "pillar.shape": ((), "square:hexagonal"),
     "pillar.material": ((), "steel:brass"),
-    "tip.side_mm": ((TIP,), "2:3"),
-    "tip.height_mm": ((TIP,), "0:2"),
-    "tip.material": ((TIP,), "steel:titanium"),
+    "pillar.section.1.side_mm": ((CAP,), "2:3"),
+    "pillar.section.1.height_mm": ((CAP,), "0:2"),
+    "pillar.section.1.material": ((CAP,), "steel:titanium"),
     "zone.shared_rows": (("zone.count=2",), "1:4"),
     "zone.gap_mm": (("zone.count=2", "zone.shared_rows=2"), "8:20"),
 }
@@ -185,12 +185,12 @@ def test_a_key_that_shapes_no_plate_is_refused_by_one_line(key: str) -> None:
         read_space(CASE, [], [f"{key}={REFUSED[key]}"])
     (line,) = refused.value.lines
     assert f"{key} does not set a number of the plate" in line
-    assert line.endswith("must be a number or a choice in one of [plate], [zone], [pillar], [tip], [array]")
+    assert line.endswith("must be a number or a choice in one of [plate], [zone], [pillar], [array]")
 
 
 def test_every_key_of_a_case_file_varies_or_is_told_why_not() -> None:
     varied = {*searchable_keys(), *word_keys()}
-    assert CHANGES.keys() <= varied and not REFUSED.keys() & varied
+    assert {*map(of_any_element, CHANGES)} <= varied and not REFUSED.keys() & varied
     for key in {*known_keys()} - varied:
         with pytest.raises(InputError, match=rf"--vary {re.escape(key)}=1:2: .* must be "):
             parse_vary(f"{key}=1:2")
@@ -207,12 +207,12 @@ def test_materials_and_shapes_are_chosen_by_name() -> None:
         read_space(CASE, [], ["pillar.shape=square:round"])
 
 
-def test_a_table_that_the_file_lacks_is_varied_key_by_key() -> None:
-    """A tip needs a side and a height: neither alone is one, both together are."""
-    with pytest.raises(InputError, match=r"tip\.height_mm"):
-        read_space(CASE, [], ["tip.side_mm=2.2:3"])
-    space = read_space(CASE, [], ["tip.side_mm=2.2:3", "tip.height_mm=0.5:2"])
-    assert space.own_values() is None and space.case((3.0, 2.0)).design.pillar.tip.side_m == pytest.approx(3e-3)
+def test_a_section_of_the_file_is_varied() -> None:
+    space = read_space(CASE, [CAP], ["pillar.section.1.side_mm=2.2:3.2", "pillar.section.1.height_mm=0.5:2"])
+    assert space.own_values() == (3.0, 1.0)
+    assert space.case((2.5, 2.0)).design.pillar.upper[0].base_m == pytest.approx(2.5e-3)
+    with pytest.raises(InputError, match=r"2 must be the number of one of its tables, 0 to 1"):
+        read_space(CASE, [CAP], ["pillar.section.2.side_mm=2.2:3"])
 
 
 def test_the_widest_band_ranks_columns_and_plates(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import pytest
 from geometry.hex.boxes import hex_mesh as mesh_of
 from geometry.hex.boxes import panel_boxes
 from geometry.hex.scenes import HexSettings
-from geometry.layout import Pillar, Tip, region_materials
+from geometry.layout import Pillar, Section, region_materials
 from geometry.materials import MATERIALS, Material, Stack
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale, assemble
@@ -60,7 +60,7 @@ def test_the_scalar_root_is_found_from_above() -> None:
 
 def test_a_heavy_tip_on_a_soft_neck_follows_its_plate_exactly() -> None:
     """A contrast of 6e5: a solve alone leaves errors of 1e-7 and more in the rigid motion."""
-    pillar = Pillar("square", 6e-3, 6e-3, 5e-3, RUBBER, tip=Tip(6e-3, 5e-3, LEAD))
+    pillar = Pillar("square", 6e-3, 6e-3, 5e-3, RUBBER, upper=(Section.square(6e-3, 5e-3, LEAD),))
     panel = replace(PANEL, low=(-5e-3, -5e-3), high=(5e-3, 5e-3))
     mesh = mesh_of(panel_boxes(panel, THIN_STACK, pillar, HexSettings(3, 2e-3, 1, 0.15)), 3)
     scale = Scale.of(1e-3, ALUMINIUM)

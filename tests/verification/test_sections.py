@@ -1,0 +1,98 @@
+"""Pillars of several sections: chains of beams, and rubber under lead, by hexahedra and by tetrahedra of the CAD solid."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from geometry.layout import Pillar, Section
+from geometry.materials import MATERIALS
+from pipeline.case.model import Case, case_from_dict
+from pipeline.logs import TerminalLog
+from pipeline.models.modes import Request, solve_modes
+from solvers.analytic.predesign import pillar_frequencies_hz
+from solvers.errors import SolverError
+from solvers.plates.strip import bending_effective_mass
+from tests.helpers.asked import bands_of
+
+LOG = TerminalLog(True)
+ALUMINIUM, EPOXY, LEAD = (MATERIALS[name] for name in ("aluminium", "epoxy", "lead"))
+# materials of published resonators: silicone of nu 0.469, the same nearly incompressible, and lead; a contrast of 6e5 with the plate
+SOFT = {"young_GPa": 1.175e-4, "poisson": 0.46875, "density_kg_m3": 1300.0}
+NEARLY_INCOMPRESSIBLE = {"young_GPa": 1.2e-4, "poisson": 0.4997, "density_kg_m3": 1300.0}
+HARD = {"young_GPa": 40.8, "poisson": 0.37, "density_kg_m3": 11600.0}
+
+
+@pytest.mark.parametrize("heights", [(3e-3, 2e-3, 1e-3), (1e-3, 5e-3), (6e-3,)])
+def test_a_cut_beam_is_the_whole_one(heights: tuple[float, ...]) -> None:
+    """Sections of one material and width: Timoshenko's exact frequencies."""
+    first, *upper = heights
+    whole = Pillar("square", 2e-3, 2e-3, 6e-3, ALUMINIUM)
+    cut = Pillar("square", 2e-3, 2e-3, first, ALUMINIUM, upper=tuple(Section.square(2e-3, h, ALUMINIUM) for h in upper))
+    exact = pillar_frequencies_hz(whole, "timoshenko", 3)
+    assert pillar_frequencies_hz(cut, "timoshenko", 3) == pytest.approx(exact, rel=1e-8)
+    thin = pillar_frequencies_hz(whole, "euler", 3)
+    assert pillar_frequencies_hz(cut, "euler", 3) == pytest.approx(
+        thin, rel=5e-4
+    )  # a ten-thousandth of the shear is left
+
+
+def test_a_heavy_body_on_a_soft_neck_is_an_oscillator() -> None:
+    """Of lead 2 mm high on rubber 2 mm high: kappa G A / h holds the mass, bending little; within the neck's own 10 %."""
+    rubber = MATERIALS["silicone-rubber"]
+    pillar = Pillar("square", 20e-3, 20e-3, 2e-3, rubber, upper=(Section.square(20e-3, 2e-3, LEAD),))
+    stiff = pillar.form.shear_factor(rubber.as_isotropic.poisson) * rubber.as_isotropic.shear_pa * 4e-4 / 2e-3
+    exact = np.sqrt(stiff / pillar.upper[0].mass_kg) / (2.0 * np.pi)
+    assert pillar_frequencies_hz(pillar, "timoshenko")[0] == pytest.approx(exact, rel=0.1)
+
+
+def test_models_of_rigid_upper_sections_refuse_those_that_bend() -> None:
+    glued = Pillar("square", 2e-3, 2e-3, 0.05e-3, EPOXY, upper=(Section.square(2e-3, 5e-3, ALUMINIUM),))
+    with pytest.raises(SolverError, match="upper sections bend"):
+        bending_effective_mass(glued, 0.0)
+
+
+def cell(neck: dict[str, float], shape: dict[str, Any], *more: str) -> Case:
+    sections = [{"height_mm": 5.0, "material": neck}, {"height_mm": 5.0, "material": HARD}]
+    raw = {
+        "name": "resonator",
+        "material": {"young_GPa": 4.35, "poisson": 0.37, "density_kg_m3": 1180.0},
+        "plate": {"thickness_mm": 1.0},
+        "pillar": shape | {"section": sections},
+        "array": {"pitch_mm": 10.0, "rows": 1},
+        "bands": {"points": 1, "count": 9},
+        "solve": {"accuracy": 0.02},
+    }
+    return case_from_dict(raw, None, more)
+
+
+SQUARE, ROUND = {"side_mm": 6.0}, {"shape": "round", "diameter_mm": 6.0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", [SQUARE, ROUND], ids=["square", "round"])
+@pytest.mark.parametrize("neck", [SOFT, NEARLY_INCOMPRESSIBLE], ids=["0.469", "0.4997"])
+def test_rubber_under_lead_has_one_answer(neck: dict[str, float], shape: dict[str, Any]) -> None:
+    """Hexahedra against tetrahedra: within both bars, rigid-body modes apart. Quadratic tetrahedra lock at 0.4997."""
+    ours, other = (bands_of(cell(neck, shape, f"solve.mesh={mesh}"), LOG) for mesh in ("hex", "tet"))
+    for one, two in zip(ours.points, other.points, strict=True):
+        pairs = zip(one.frequencies_hz, one.error, two.frequencies_hz, two.error, strict=True)
+        for hz, bar, theirs, their_bar in pairs:
+            assert bar is not None and their_bar is not None
+            assert abs(hz - theirs) <= bar * hz + their_bar * theirs + 1e-6
+
+
+@pytest.mark.slow
+def test_a_glued_pillar_has_one_answer() -> None:
+    """The glue is an eighth of the pillar's side: modes of the lone pillar by hexahedra and by tetrahedra."""
+    sections = [{"height_mm": 0.25, "material": "epoxy"}, {"height_mm": 5.0}]
+    raw = {"name": "glued", "material": "aluminium", "pillar": {"side_mm": 2.0, "section": sections}}
+    found = []
+    for mesh in ("hex", "tet"):
+        case = case_from_dict(raw, None, [f"solve.mesh={mesh}", "solve.accuracy=0.01"])
+        found.append(solve_modes(case, Request("pillar", count=5), LOG).rows)
+    for one, two in zip(*found, strict=True):
+        assert one.error is not None and two.error is not None
+        assert one.frequency_hz == pytest.approx(two.frequency_hz, rel=one.error + two.error)
