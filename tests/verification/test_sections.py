@@ -19,7 +19,7 @@ from tests.helpers.asked import bands_of
 
 LOG = TerminalLog(True)
 ALUMINIUM, EPOXY, LEAD = (MATERIALS[name] for name in ("aluminium", "epoxy", "lead"))
-# materials of published resonators: silicone of nu 0.469, the same nearly incompressible, and lead; a contrast of 6e5 with the plate
+# materials of published resonators: silicone of nu 0.469, nearly incompressible, and lead; 6e5 times as stiff as the neck
 SOFT = {"young_GPa": 1.175e-4, "poisson": 0.46875, "density_kg_m3": 1300.0}
 NEARLY_INCOMPRESSIBLE = {"young_GPa": 1.2e-4, "poisson": 0.4997, "density_kg_m3": 1300.0}
 HARD = {"young_GPa": 40.8, "poisson": 0.37, "density_kg_m3": 11600.0}
