@@ -16,7 +16,19 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from antinode.plate import AntinodeWarning, Plate, load
     from antinode.sweeps import SweepTable, open, sweep
-    from pipeline.case.schema import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Section, Solve, Zone
+    from pipeline.case.schema import (
+        Air,
+        Array,
+        BandPath,
+        Damping,
+        Finger,
+        Patches,
+        Pillar,
+        Scatter,
+        Section,
+        Solve,
+        Zone,
+    )
     from pipeline.errors import InputError
     from pipeline.models.answer_parts import ModeRecord as Mode
     from pipeline.models.answer_parts import TargetRecord as Target
@@ -34,7 +46,7 @@ if TYPE_CHECKING:
     from pipeline.questions.travel import TravelResult as Travel
     from solvers.errors import SolverError
 
-TABLES = ("Array", "BandPath", "Damping", "Finger", "Patches", "Pillar", "Scatter", "Section", "Solve", "Zone")
+TABLES = ("Air", "Array", "BandPath", "Damping", "Finger", "Patches", "Pillar", "Scatter", "Section", "Solve", "Zone")
 ANSWERS = (  # results of questions
     *("Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign", "Response"),
     *("Search", "Tolerance", "Touch", "Travel"),
@@ -61,6 +73,7 @@ __all__ = [
     "open",
 ]
 __all__ += [
+    "Air",
     "Array",
     "BandPath",
     "Damping",

@@ -51,8 +51,8 @@ class Plate(Frozen):
         Material by its name, or by young_GPa, density_kg_m3 and poisson.
     thickness_mm : float, optional
         Thickness of the plate in mm.
-    zone, pillar, array, solve, bands, damping, patches, tolerance, touch : optional
-        Tables of a case file, as Zone, Pillar, Array, Solve, BandPath, Damping, Patches, Scatter, Finger or plain
+    zone, pillar, array, solve, bands, damping, air, patches, tolerance, touch : optional
+        Tables of a case file, as Zone, Pillar, Array, Solve, BandPath, Damping, Air, Patches, Scatter, Finger or plain
         dictionaries, in the units of their keys.
 
     Raises
@@ -80,6 +80,7 @@ class Plate(Frozen):
         solve: schema.Solve | dict[str, Any] | None = None,
         bands: schema.BandPath | dict[str, Any] | None = None,
         damping: schema.Damping | dict[str, Any] | None = None,
+        air: schema.Air | dict[str, Any] | None = None,
         patches: schema.Patches | dict[str, Any] | None = None,
         tolerance: schema.Scatter | dict[str, Any] | None = None,
         touch: schema.Finger | dict[str, Any] | None = None,
@@ -87,7 +88,7 @@ class Plate(Frozen):
         plate = {"thickness_mm": thickness_mm} if thickness_mm else None
         given: dict[str, Any] = {"name": name, "material": material, "plate": plate}
         given |= {"zone": zone, "pillar": pillar, "array": array, "solve": solve, "bands": bands}
-        given |= {"damping": damping, "patches": patches, "tolerance": tolerance, "touch": touch}
+        given |= {"damping": damping, "air": air, "patches": patches, "tolerance": tolerance, "touch": touch}
         self._bind({key: plain(value) for key, value in given.items() if value is not None}, None)
 
     def _bind(self, raw: dict[str, Any], source: Path | None) -> None:

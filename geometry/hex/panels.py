@@ -378,7 +378,7 @@ def joined(
     joints : sequence of float, optional
         Heights where layers of the plate meet, lines along z among them, in the unit of `z`.
     levels : sequence of float, optional
-        Heights above the plate where sections of the pillar meet, likewise.
+        Heights above the plate where sections of the pillar meet, in the unit of `z`.
 
     Returns
     -------

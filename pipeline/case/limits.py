@@ -68,6 +68,8 @@ MAX_EVALUATIONS = 10_000
 """Plates that a search may assemble: each takes seconds."""
 MAX_JOBS = 1000
 """Worker processes of one machine."""
+FLUID_KG_M3: Range = (0.01, 100.0)  # a gas: a liquid's mass would lower the frequencies
+SOUND_M_S: Range = (50.0, 5000.0)
 MAX_SLENDERNESS = 1000.0
 """Pillar height / side, and side / height: the round-off error of a bending eigenvalue is eps (h/a)^4, here 2e-4."""
 MAX_PILLARS = 1_000_000

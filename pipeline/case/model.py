@@ -38,6 +38,7 @@ from pipeline.errors import InputError
 from pipeline.quantity import GRAM, MM, UM
 from solvers.analytic.beams import antinodes, free_free_mode
 from solvers.measures.confinement import target_symmetry
+from solvers.measures.radiation import Air
 
 MAX_LISTED = 3  # largest number of patches, or pairs of them, that a message names
 TOUCHING = 1e-9  # relative to the patch: boxes with a common edge do not overlap
@@ -98,6 +99,7 @@ class Case:
     bands: BandsTable
     quality_factor: float | None
     patches: Patches | None
+    air: Air | None
     given: frozenset[str]
     tolerance: ToleranceTable | None = None
     measured: MeasuredFiles | None = None
@@ -189,6 +191,8 @@ class Case:
             plain["tolerance"] = _plain(self.tolerance)
         if self.touch:
             plain["touch"] = _plain(self.touch)
+        if self.air:
+            plain["air"] = _plain(self.air)
         if self.measured:
             plain["measured"] = self.measured.to_dict()
         pillar, shape = self.design.pillar, plain["design"]
@@ -321,6 +325,7 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         bands=_bands(values.tables.bands, design),
         quality_factor=None if values.tables.damping.quality == "materials" else values.tables.damping.quality,
         patches=patches,
+        air=_air(values),
         given=values.given,
         tolerance=values.tables.tolerance if "tolerance" in values.tables.present else None,
         measured=measured,
@@ -460,6 +465,14 @@ def _design(values: Values) -> Design:
         layers=layers if len(layers) > 1 else (),
         **_zones(values),
     )
+
+
+def _air(values: Values) -> Air | None:
+    """Return the air before the plate, None without the table."""
+    table = values.tables.air
+    if "air" not in values.tables.present:
+        return None
+    return Air(table.density_kg_m3, table.sound_m_s, 2 if table.faces == "both" else 1)
 
 
 def _check_losses(values: Values, design: Design, patches: Patches | None) -> None:

@@ -235,6 +235,12 @@ class DampingTable(Table):
     )
 
 
+class AirTable(Table):
+    density_kg_m3: float = positive(limits.FLUID_KG_M3, default=1.204)
+    sound_m_s: float = positive(limits.SOUND_M_S, default=343.2)
+    faces: Literal["touch", "both"] = "both"
+
+
 class PatchesTable(Table):
     material: str = Field(default="pz26", description="the name of a piezo material")
     size_mm: Annotated[list[Extent], Field(min_length=3, max_length=3)] = Field(
@@ -339,6 +345,7 @@ class Tables:
     solve: SolveTable
     bands: BandsTable
     damping: DampingTable
+    air: AirTable
     patches: PatchesTable
     touch: TouchTable
     tolerance: ToleranceTable
@@ -492,6 +499,19 @@ class Damping(TypedDict, total=False):
     quality: float | Literal["materials"]
 
 
+class Air(TypedDict, total=False):
+    """Air before the plate: density_kg_m3, sound_m_s, and the faces that radiate.
+
+    >>> from antinode import Air
+    >>> Air(faces="touch")
+    {'faces': 'touch'}
+    """
+
+    density_kg_m3: float
+    sound_m_s: float
+    faces: Literal["touch", "both"]
+
+
 class Patches(TypedDict, total=False):
     """Piezoelectric patches: material, size_mm along x, y and z, face, at or centres_mm, sensors, drive_V, circuit.
 
@@ -577,6 +597,7 @@ TABLES: dict[str, type[Table]] = {
     "solve": SolveTable,
     "bands": BandsTable,
     "damping": DampingTable,
+    "air": AirTable,
     "patches": PatchesTable,
     "touch": TouchTable,
     "tolerance": ToleranceTable,

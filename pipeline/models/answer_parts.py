@@ -14,6 +14,7 @@ MAC = "modal assurance criterion with the target shape on the active touch face,
 STRENGTH = "share of the target shape that the mode carries, times its zone share, 0 to 1"
 CONFINEMENT = "rms of u_z on the active touch face over that on the passive one; None without a passive one"
 QUALITY = 'quality factor from the loss of the materials; None unless damping.quality = "materials"'
+AIR_QUALITY = "quality factor by radiation into the air alone; None without [air]"
 SHARE = "integral of u_z^2 over the active touch face divided by that over the whole touch face"
 
 UNKNOWN = "None without an estimate"
@@ -48,6 +49,7 @@ class ModeRecord(Part):
     strength_error: float | None = column(BAR.format("strength"), default=None)
     quality_factor: float | None = column(QUALITY, error="quality_error", default=None)
     quality_error: float | None = column(BAR.format("quality_factor"), default=None)
+    air_quality_factor: float | None = column(AIR_QUALITY, default=None)
     parity: str | None = column("symmetry class as signs", table=False, default=None)
     computed_hz: float | None = column("frequency on the finest mesh, uncorrected", "Hz", error="error", default=None)
     surface: Any = live("function that makes the moving surface of a computed mode; None if read from a file")
@@ -146,6 +148,7 @@ class TargetRecord(Part):
     pillar_energy_share_error: float | None = column(BAR.format("pillar_energy_share"), default=None)
     quality_factor: float | None = column(QUALITY, error="quality_error", default=None)
     quality_error: float | None = column(BAR.format("quality_factor"), default=None)
+    air_quality_factor: float | None = column(AIR_QUALITY, default=None)
 
     @property
     def is_found(self) -> bool:

@@ -135,7 +135,7 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     if plate.undriven:
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):
-        drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality_factor, patches.circuit)
+        drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality_factor, patches.circuit, case.air)
         choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
         bytes_each = driven_demand.group_bytes(case, choice, _demand(case, band_hz).modes or 0.0)
         return ForcedPlate(plate, case.design, drive, bytes_each=bytes_each, target_window_hz=_search_window_hz(case))

@@ -65,6 +65,7 @@ from solvers.measures.confinement import (
     target_symmetry,
 )
 from solvers.measures.loss import loss_factors
+from solvers.measures.radiation import air_loss_factors
 from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
 
@@ -318,7 +319,7 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
 
 
 def with_quality(case: Case, part_modes: PartModes) -> PartModes:
-    """Add the quality factor of each mode where the materials give the loss.
+    """Add the quality factor of each mode where the materials give the loss, and that by radiation where there is air.
 
     Parameters
     ----------
@@ -330,40 +331,49 @@ def with_quality(case: Case, part_modes: PartModes) -> PartModes:
     Returns
     -------
     PartModes
-        The same modes; with quality factors if the case takes them from the materials.
+        The same modes; with quality factors if the case takes them from the materials or has air.
     """
-    if not case.is_lossy:
+    air = case.air if part_modes.part != "pillar" else None
+    if not case.is_lossy and air is None:
         return part_modes
     known = {(row.symmetry, row.column): row for row in (*part_modes.all_rows(True), *_beyond(part_modes))}
-    most = max(material.lost for material in case.design.materials)
+    most = max(material.lost for material in case.design.materials) if case.is_lossy else 0.0
     quality: dict[tuple[str | None, int], dict[str, Any]] = {}
     for symmetry in {key[0] for key in known}:
         rows = sorted((row for key, row in known.items() if key[0] == symmetry), key=_place)
         model, vectors = part_modes.model, part_modes.vectors[symmetry][:, [row.column for row in rows]]
-        solved_hz = [row.frequency_hz if isinstance(model, PlateModel) else row.computed_hz for row in rows]
-        factors = loss_factors(model.scale.eigenvalue(np.array(solved_hz, dtype=float)), model.lost(symmetry, vectors))
-        for row, factor, change in zip(rows, *factors, strict=True):
-            quality[symmetry, row.column] = _quality(factor, change, most, row.error)
+        solved_hz = np.array(
+            [row.frequency_hz if isinstance(model, PlateModel) else row.computed_hz for row in rows], dtype=float
+        )
+        radiated, touch = np.zeros(len(rows)), model.touch(symmetry, vectors) if air else None
+        if air and touch:
+            radiated = air_loss_factors(touch, symmetry, solved_hz, air)
+        own = np.full((2, len(rows)), np.nan)
+        if case.is_lossy:
+            own = np.array(loss_factors(model.scale.eigenvalue(solved_hz), model.lost(symmetry, vectors)))
+        for row, factor, change, sound in zip(rows, *own.tolist(), radiated.tolist(), strict=True):
+            known_q = _quality(factor, change, most, row.error, sound) if case.is_lossy else {}
+            quality[symmetry, row.column] = known_q | {"air_quality_factor": 1.0 / sound if sound > 0.0 else None}
     return part_modes.each(lambda row: replace(row, **quality.get((row.symmetry, row.column), {})))
 
 
-def _quality(factor: float, change: float, most: float, error: float | None) -> dict[str, float | None]:
+def _quality(
+    factor: float, change: float, most: float, error: float | None, radiated: float
+) -> dict[str, float | None]:
     """Quality factor of a mode and its error bar.
 
     A small share of the energy that loses most is less accurate than the whole: by up to SHARES (1 + (most/factor)^(1/2)) times
-    the eigenvalue's own error, as measured on coarse plates of three materials, `most` the largest loss factor of all.
+    the eigenvalue's own error, as measured on coarse plates of three materials, `most` the largest loss factor of all. Of
+    `radiated`, the loss into the air, twice the share is uncertain by which a motion of that error in energy may differ.
     """
-    if factor <= 0.0:
+    total, shared = factor + radiated, most <= factor * (1.0 + ROUNDING)  # alike: nothing depends on the mesh
+    if total <= 0.0:
         return {"quality_factor": None, "quality_error": None}
-    shared = most <= factor * (1.0 + ROUNDING)  # all materials lose alike: nothing depends on the mesh
-    half = (
-        0.0
-        if shared
-        else None
-        if error is None
-        else 2.0 * SHARES * error * (1.0 + sqrt(most / factor)) + abs(change) / factor
-    )
-    return {"quality_factor": 1.0 / factor, "quality_error": None if half is None else half / factor}
+    half = 0.0 if shared and not radiated else None
+    if error is not None:
+        own = 0.0 if shared else 2.0 * SHARES * error * (factor + sqrt(most * factor)) + abs(change)
+        half = own + 2.0 * sqrt(2.0 * error) * radiated
+    return {"quality_factor": 1.0 / total, "quality_error": None if half is None else half / total**2}
 
 
 def _beyond(part_modes: PartModes) -> tuple[ModeRow, ...]:

@@ -51,6 +51,14 @@ class PeakRecord(Part):
     frequency_error: float | None = bar("frequency_hz, relative: mesh, reduction and bonding together")
     quality_error: float | None = bar("quality_factor")
     confinement_error_db: float | None = bar("confinement_db", "dB")
+    sound_db: float | None = column(
+        "sound pressure level 0.5 m before the middle of the touch face at drive_V, in a baffle, re 20 uPa; None without "
+        "[air]",
+        "dB",
+        error="sound_error_db",
+        default=None,
+    )
+    sound_error_db: float | None = column("error bar of sound_db (half-width)", "dB", default=None)
 
     @property
     def zone_nm_per_V(self) -> float:
@@ -164,7 +172,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         bars = curve_errors(forced, curve)
         zone_error, passive_error = [None, None] if bars is None else [*bars.tolist(), None][:2]
         first = curve.sensor_v_per_v[:, 0] if patches.sensors else None
-        target = _peak(own, forced) if own else None
+        target = _peak(own, forced, patches.drive_v) if own else None
         same = target if own and solved.highest.is_at(own.frequency_hz, forced.loss_at(own.frequency_hz)) else None
         circuit = {name: getattr(shift, name, None) for name in ("short_hz", "open_hz", "coupling")}
         return cls(
@@ -185,7 +193,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
             circuit={"drivers": forced.circuit, **circuit},
             target_status=forced.verdict.status,
             target_peak=target,
-            highest_peak=_peak(solved.highest, forced, same),
+            highest_peak=_peak(solved.highest, forced, patches.drive_v, same),
             widest_bar=solved.widest_bar.to_dict(),
         )
 
@@ -325,16 +333,20 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         return over(self, self.array("frequency_hz"))
 
 
-def _peak(peak: Peak, forced: ForcedPlate, same: PeakRecord | None = None) -> PeakRecord:
+def _peak(peak: Peak, forced: ForcedPlate, drive_v: float, same: PeakRecord | None = None) -> PeakRecord:
     """Return a peak with its error bars; `same` is a peak of the same resonance, whose error bars it shares."""
     from pipeline.models.forced import level_error_db, quality_error
+    from solvers.piezo.forced import sound_db
     from solvers.piezo.responses import frequency_error, height_error
 
+    height, sound = height_error(forced, peak.frequency_hz), sound_db(forced, peak.frequency_hz, drive_v)
     return PeakRecord.of(
         peak,
         zone_rms_m_per_V=peak.zone_rms,
         passive_rms_m_per_V=peak.passive_rms,
-        height_error=height_error(forced, peak.frequency_hz),
+        height_error=height,
+        sound_db=sound,
+        sound_error_db=None if sound is None or height is None else 20.0 * np.log10(1.0 + height),
         frequency_error=frequency_error(forced, peak.frequency_hz),
         quality_error=same.quality_error if same else quality_error(forced, peak),
         confinement_error_db=same.confinement_error_db if same else level_error_db(forced, peak),

@@ -139,7 +139,7 @@ def free_kx_per_m(design: Design) -> float:
     return sqrt(max(levy_along_per_m2(strip, design.nodal_lines), 0.0))
 
 
-BENDS = 0.05  # of the first frequency: upper sections that change it by more are no rigid body
+BENDS = 0.05  # of the first frequency: upper sections that change it by more bend
 
 
 def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = False) -> Beam:
@@ -162,7 +162,7 @@ def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = F
     Raises
     ------
     SolverError
-        If sections above the first one bend, which then is no beam under a rigid body.
+        If sections above the first one bend: together they are then not a rigid body.
     """
     beam = _section_beam(pillar, pillar.height_m if height_m is None else height_m, about_x)
     if not pillar.upper:

@@ -23,12 +23,14 @@ from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import strength_force, target_symmetry
+from solvers.measures.radiation import Air, air_loss_factors, level_db, pressure_pa
 from solvers.measures.target_mode import NONE, Found, Interval, Verdict, search, verdict
 from solvers.piezo.patched_plate import BondErrors, Group, PatchedPlate, PressedPlate, extrapolated_modes
 from solvers.superelement.plate import WHOLE
 
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are in the residual
 ROWS = 4096  # points of the touch face at once: a share of a field is copied, not all of it
+SOUND_AT_M = 0.5  # before the middle of the touch face
 LOSS = 0.01  # width of a curve's grid where there is no mode
 SAME = 1e-10  # of the largest: directions of the columns that are combinations of the others
 COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
@@ -40,7 +42,8 @@ class GroupModes:
 
     bond: uncertainty due to the mesh beneath the patches; None without a coarser mesh. images: K and M times the
     modes, (dof, modes) each. loss (modes,): 1/Q of each mode; lost (c, c): scaled loss between the columns, None where one
-    quality factor stands for all losses, which then damps the modes alone.
+    quality factor stands for all losses, which then damps the modes alone. radiated (modes,): the part of `loss` that the
+    air takes.
     """
 
     group: Group
@@ -53,6 +56,7 @@ class GroupModes:
     images: tuple[FloatArray, FloatArray]
     bond: BondErrors | None = None
     loss: FloatArray = field(default_factory=lambda: np.zeros(0))
+    radiated: FloatArray = field(default_factory=lambda: np.zeros(0))
     lost: FloatArray | None = None
 
     def amplitudes(self, eigenvalue: float | FloatArray, volts: ComplexArray) -> ComplexArray:
@@ -156,7 +160,8 @@ class Curve:
 class Drive:
     """Actuators and sensor patches by number, the band, and every mode's quality factor; None for that of the materials.
 
-    circuit: the actuators hold a voltage (short) or a charge (open). Raises SolverError for an invalid drive.
+    circuit: the actuators hold a voltage (short) or a charge (open). air: before the plate, its sound adds to the loss of
+    the materials. Raises SolverError for an invalid drive.
     """
 
     drivers: tuple[int, ...]
@@ -164,6 +169,7 @@ class Drive:
     band_hz: tuple[float, float]
     quality_factor: float | None
     circuit: str = "short"
+    air: Air | None = None
 
     def __post_init__(self) -> None:
         if not ((self.quality_factor is None or self.quality_factor > 0.0) and 0.0 < self.band_hz[0] < self.band_hz[1]):
@@ -195,6 +201,7 @@ class ForcedPlate:
     ) -> None:
         self.plate, self.design, self.band_hz, self.circuit = plate, design, drive.band_hz, drive.circuit
         self.drivers, self.sensors, self.quality_factor = list(drive.drivers), list(drive.sensors), drive.quality_factor
+        self.air = drive.air
         self.margin, self.target_window_hz = margin, target_window_hz
         target = {target_symmetry(design.nodal_lines), WHOLE} if target_window_hz else set()
 
@@ -213,7 +220,7 @@ class ForcedPlate:
     def _damped(self, basis: GroupModes) -> GroupModes:
         """The modes with their loss: that of the given quality factor, or of the materials."""
         if self.quality_factor is None:
-            return damped(basis)
+            return damped(replace(basis, radiated=radiated(basis, self.air)))
         return replace(basis, loss=np.full(len(basis.eigenvalue), 1.0 / self.quality_factor))
 
     @property
@@ -628,7 +635,61 @@ def damped(basis: GroupModes) -> GroupModes:
     scale = np.ones(len(lost))
     scale[:count] = np.sqrt(basis.eigenvalue / np.einsum("ik,ik->k", basis.columns[:, :count], basis.images[0]))
     lost = scale[:, None] * (lost + lost.T) / 2.0 * scale
+    lost[np.arange(count), np.arange(count)] += basis.radiated * basis.eigenvalue
     return replace(basis, loss=np.diag(lost)[:count] / basis.eigenvalue, lost=lost)
+
+
+def radiated(basis: GroupModes, air: Air | None) -> FloatArray:
+    """Compute the loss of a group's modes by radiation.
+
+    Parameters
+    ----------
+    basis : GroupModes
+        Modes of a group.
+    air : Air or None
+        Air before the plate.
+
+    Returns
+    -------
+    ndarray, shape (modes,)
+        1/Q; 0 without air.
+    """
+    count = len(basis.eigenvalue)
+    total = np.zeros(count)
+    if air:
+        for symmetry, own in zip(basis.group.symmetries, basis.group.touch(basis.columns[:, :count]), strict=True):
+            total += air_loss_factors(own, symmetry or None, basis.frequency_hz, air)
+    return total
+
+
+def sound_db(forced: ForcedPlate, frequency_hz: float, volts: float) -> float | None:
+    """Compute the sound pressure level at SOUND_AT_M before the middle of the touch face.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The plate with its modes.
+    frequency_hz : float
+        Frequency of the drive.
+    volts : float
+        Amplitude of the drive, V.
+
+    Returns
+    -------
+    float or None
+        In dB re 20 uPa; None without air.
+    """
+    if forced.air is None:
+        return None
+    eigenvalue, pressure = forced.plate.scale.eigenvalue(frequency_hz), 0j
+    fed = volts * forced.volts(eigenvalue)
+    for basis in forced.modes:
+        moved = basis.columns @ basis.amplitudes(eigenvalue, fed)
+        fields = basis.group.touch(np.column_stack([moved.real, moved.imag]))
+        for symmetry, own in zip(basis.group.symmetries, fields, strict=True):
+            if "A" not in symmetry:  # odd motions cancel on the axis
+                pressure += pressure_pa(own, own.values @ np.array([1.0, 1.0j]), frequency_hz, forced.air, SOUND_AT_M)
+    return level_db(pressure)
 
 
 def whitened(mass: FloatArray) -> FloatArray:

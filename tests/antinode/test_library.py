@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ROOT / "examples" / "small.toml"
 NAMES = [
-    "AntinodeWarning", "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Crosstalk",
+    "Air", "AntinodeWarning", "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Crosstalk",
     "Damping", "Finger", "Hybrid", "InputError", "Mode",
     "Modes", "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Section", "Solve", "SolverError",
     "SweepTable", "Tolerance", "Touch", "Travel", "Target", "Zone", "__version__", "load", "open", "sweep",

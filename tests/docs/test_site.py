@@ -96,10 +96,10 @@ def test_every_field_of_a_json_document_has_a_meaning(
 ) -> None:
     reference = site["reference"]
     known = deepcopy(reference.field_meanings())
-    del known["any"]["pillar"], known["TipRecord"]["side_m"]
+    del known["any"]["pillar"], known["SectionRecord"]["base_m"]
     monkeypatch.setattr(reference, "field_meanings", lambda: known | {"PeakRecord": {"colour": "Its paint."}})
     left = reference.unexplained()
-    assert {"DesignRecord.pillar", "TipRecord.side_m", "PeakRecord.colour"} <= set(left)
+    assert {"DesignRecord.pillar", "SectionRecord.base_m", "PeakRecord.colour"} <= set(left)
 
 
 def test_documents_hold_what_their_page_says(

@@ -143,7 +143,7 @@ def test_a_driven_plate_is_confined_by_the_definition_of_its_modes() -> None:
 @pytest.mark.parametrize(
     ("more", "line"),
     [
-        ({"tolerance": {"height_mm": 0.1}}, "without fillet or heavy tip, on the back alone"),
+        ({"tolerance": {"height_mm": 0.1}}, "of one section without fillet, on the back alone"),
         ({"patches": {"size_mm": [2.0, 2.0, 0.3], "centres_mm": [[0.0, 5.0]], "face": "touch"}}, "overlaps a pillar's"),
         ({"touch": {"radius_mm": 1.0, "at_mm": [0.0, 5.0]}}, "pillars on the touch face, which begin at |y| = 4 mm"),
         ({"pillar": {**RAW["pillar"], "faces": "touch"}}, "must be back, or both"),

@@ -132,7 +132,7 @@ def test_with_patches_they_drive(case: Path, tmp_path: Path) -> None:
         (CASE, ["--set", "tolerance.height_mm=2.5"], "a third of pillar.height_mm"),
         (CASE, ["--set", "tolerance.position_mm=0.8"], "pillars may touch"),
         (CASE, ["--set", "array.rows=0"], "array.rows above 0"),
-        (CASE, ["--set", "pillar.fillet_mm=0.2"], "cross-shaped pillars without fillet"),
+        (CASE, ["--set", "pillar.fillet_mm=0.2"], "cross-shaped pillars of one section without fillet"),
         (CASE, ["--set", "tolerance.samples=0"], "from 1 to 10000"),
         (CASE, ["--set", 'solve.model="solid"'], "set solve.model to auto or superelement"),
         (CASE, ["--set", 'solve.mesh="tet"'], "solve.mesh to auto or hex"),

@@ -220,7 +220,7 @@ def test_a_pillar_that_reaches_out_of_its_piece_and_one_that_cannot_grow_are_ref
             varied.moved(change)
     with pytest.raises(MeshError, match="begin at 0"):
         unfolded(unfolded(boxes_of(panel_scene(MIDDLE, STACK, PILLAR, REDUCTION.hexahedra)), 0), 0)
-    with pytest.raises(SolverError, match="without fillet or heavy tip"):
+    with pytest.raises(SolverError, match="of one section without fillet"):
         cell_family(replace(SETTING, pillar=replace(PILLAR, fillet_m=0.2e-3)), MIDDLE, REACH_M)
 
 
