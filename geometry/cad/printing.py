@@ -39,6 +39,7 @@ RELATIONS = (
 )
 METADATA = {"Title", "Designer", "Description", "Copyright", "LicenseTerms", "Rating", "CreationDate"}
 METADATA |= {"ModificationDate", "Application"}
+COLOURS = ("#B0B0B0", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#F0E442", "#56B4E9", "#E69F00")
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the same body gives the same bytes
 
 
@@ -68,22 +69,26 @@ def write_stl(body: Body, path: str | os.PathLike[str], name: str = "body") -> N
         temporary.write_bytes(header + stl[80:])
 
 
-def write_3mf(body: Body, path: str | os.PathLike[str], metadata: Mapping[str, str]) -> None:
-    """Write a body as a 3MF core model in mm.
+def write_3mf(
+    body: Body, path: str | os.PathLike[str], metadata: Mapping[str, str], materials: Mapping[str, str] | None = None
+) -> None:
+    """Write a body as a 3MF core model in mm; of a bonded body each material is an object, all of them one assembly.
 
     Parameters
     ----------
     body : Body
-        Body of one material.
+        Body of one or several materials.
     path : str or Path
         File to write.
     metadata : mapping of str
         Texts by name: Title, Description, ... of the core specification.
+    materials : mapping of str, optional
+        Names of the materials by region of a bonded body; the regions by default.
 
     Raises
     ------
     GeometryError
-        For a bonded body, or a metadata name that the specification does not have.
+        For a metadata name that the specification does not have.
 
     References
     ----------
@@ -95,7 +100,7 @@ def write_3mf(body: Body, path: str | os.PathLike[str], metadata: Mapping[str, s
     parts = {
         "[Content_Types].xml": CONTENT_TYPES,
         "_rels/.rels": RELATIONS,
-        "3D/3dmodel.model": _model(_printable(body), metadata),
+        "3D/3dmodel.model": _model(_surfaces(body, materials or {}), metadata),
     }
     with written_whole(path) as temporary, ZipFile(temporary, "w") as package:
         for name, text in parts.items():
@@ -104,8 +109,10 @@ def write_3mf(body: Body, path: str | os.PathLike[str], metadata: Mapping[str, s
             package.writestr(entry, text)
 
 
-def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> None:
-    """Write a body as STEP AP214 in mm; parts of a bonded body stay separate solids.
+def write_step(
+    body: Body, path: str | os.PathLike[str], name: str = "body", materials: Mapping[str, str] | None = None
+) -> None:
+    """Write a body as STEP AP214 in mm; of a bonded body each material is a named part of one assembly.
 
     Parameters
     ----------
@@ -115,6 +122,8 @@ def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> 
         File to write.
     name : str, optional
         Name of the product.
+    materials : mapping of str, optional
+        Names of the materials by region of a bonded body; the regions by default.
 
     Raises
     ------
@@ -124,6 +133,7 @@ def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> 
     from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.Interface import Interface_Static
+    from OCP.STEPCAFControl import STEPCAFControl_Writer
     from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
     from OCP.TCollection import TCollection_HAsciiString
 
@@ -132,7 +142,12 @@ def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> 
         Interface_Static.SetCVal_s(key, "MM")
     writer = STEPControl_Writer()
     Interface_Static.SetCVal_s("write.step.product.name", name)  # known to the kernel once there is a writer
-    done = writer.Transfer(body.shape.wrapped, STEPControl_AsIs) == IFSelect_RetDone
+    if body.bonded:
+        named = STEPCAFControl_Writer()
+        done = named.Transfer(_assembly(body, name, materials or {}), STEPControl_AsIs)
+        writer = named.ChangeWriter()
+    else:
+        done = writer.Transfer(body.shape.wrapped, STEPControl_AsIs) == IFSelect_RetDone
     APIHeaderSection_MakeHeader(writer.Model()).SetTimeStamp(TCollection_HAsciiString(NO_TIME))  # same bytes each time
     with written_whole(path) as temporary:
         if not done or writer.Write(str(temporary)) != IFSelect_RetDone:
@@ -141,19 +156,67 @@ def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> 
 
 def _printable(body: Body) -> CadSurface:
     if body.bonded:
-        raise GeometryError("a print is one solid of one material: give the pillars the plate's material")
+        raise GeometryError("STL holds one solid of one material: write 3MF or STEP, which hold several")
     return cad_surface(body.shape, DEFLECTION_MM, ANGLE)
 
 
-def _model(surface: CadSurface, metadata: Mapping[str, str]) -> str:
+def _by_material(body: Body, materials: Mapping[str, str]) -> dict[str, Any]:
+    """Solids of each material as one shape, by its name, in the order of the regions."""
+    import cadquery as cq
+
+    solids: dict[str, list[Any]] = {}
+    for region, solid in body.solids():
+        solids.setdefault(materials.get(region, region), []).append(solid)
+    return {name: cq.Compound.makeCompound(each) for name, each in solids.items()}
+
+
+def _surfaces(body: Body, materials: Mapping[str, str]) -> dict[str, CadSurface]:
+    """Surface of each material by its name; of a body of one material "body"."""
+    if not body.bonded:
+        return {"body": _printable(body)}
+    return {name: cad_surface(shape, DEFLECTION_MM, ANGLE) for name, shape in _by_material(body, materials).items()}
+
+
+def _assembly(body: Body, name: str, materials: Mapping[str, str]) -> Any:
+    """CAD document of the materials as named parts."""
+    import cadquery as cq
+    from cadquery.occ_impl.assembly import toCAF
+
+    whole = cq.Assembly(name=name)
+    for material, shape in _by_material(body, materials).items():
+        whole.add(shape, name=material)
+    return toCAF(whole, True)[1]
+
+
+def _model(surfaces: Mapping[str, CadSurface], metadata: Mapping[str, str]) -> str:
+    """Objects of a 3MF model; several of them are the components of one that is built."""
     notes = "".join(f"<metadata name={quoteattr(k)}>{escape(v)}</metadata>" for k, v in metadata.items())
+    if len(surfaces) == 1:
+        (only,) = surfaces.values()
+        objects, last = f'<object id="1" type="model">{_mesh(only)}</object>', 1
+    else:
+        names = "".join(
+            f'<base name={quoteattr(name)} displaycolor="{COLOURS[place % len(COLOURS)]}"/>'
+            for place, name in enumerate(surfaces)
+        )
+        parts = "".join(
+            f'<object id="{number}" type="model" name={quoteattr(name)} pid="1" pindex="{number - 2}">{_mesh(surface)}</object>'
+            for number, (name, surface) in enumerate(surfaces.items(), start=2)
+        )
+        last = len(surfaces) + 2
+        whole = "".join(f'<component objectid="{number}"/>' for number in range(2, last))
+        objects = f'<basematerials id="1">{names}</basematerials>{parts}'
+        objects += f'<object id="{last}" type="model"><components>{whole}</components></object>'
+    return (
+        f'{XML}<model unit="millimeter" xml:lang="en-US" xmlns="{CORE}">{notes}<resources>{objects}'
+        f'</resources><build><item objectid="{last}"/></build></model>'
+    )
+
+
+def _mesh(surface: CadSurface) -> str:
     vertices = "".join(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in surface.points.tolist())
     triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in surface.triangles.tolist())
-    mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"
-    return (
-        f'{XML}<model unit="millimeter" xml:lang="en-US" xmlns="{CORE}">{notes}<resources><object id="1" type="model">{mesh}'
-        '</object></resources><build><item objectid="1"/></build></model>'
-    )
+    return f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"
 
 
 # -- checks ------------------------------------------------------------------------------------------------------------

@@ -91,11 +91,23 @@ class Body:
             names[((points > np.array(box.low)) & (points < np.array(box.high))).all(axis=1)] = name
         return names
 
+    def solids(self) -> list[tuple[str, Any]]:
+        """Its solids with the part that each belongs to: a bonded one, or "plate"."""
+        found = []
+        for solid in self.shape.Solids():
+            region = str(self.region_of(np.array([solid.Center().toTuple()]) / MM)[0])
+            found.append((region if region in self.bonds else self.lowest, solid))
+        return found
+
+    @property
+    def lowest(self) -> str:
+        """Name of its lowest part: the pillar's of a pillar alone."""
+        return "plate" if self.thickness_m else "pillar"
+
     def part_volumes_m3(self) -> dict[str, float]:
         """CAD volume of each bonded part and of the rest, called "plate", m3."""
         volumes: dict[str, float] = {}
-        for solid in self.shape.Solids():
-            region = str(self.region_of(np.array([solid.Center().toTuple()]) / MM)[0])
+        for region, solid in self.solids():
             name = region if region in self.bonds else "plate"
             volumes[name] = volumes.get(name, 0.0) + float(solid.Volume()) / MM**3
         return volumes

@@ -82,15 +82,16 @@ def places(form: str, output: str | Path) -> list[str | Path]:
 
 def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
     from geometry.cad import printing, solids
-    from pipeline.questions.geometry import about, checked
+    from pipeline.questions.geometry import about, checked, material_names
 
     with log.step("build the solid"):
         body = solids.plate_solid(case.design)
+    names = material_names(case.design)
     with log.step(f"write {form}"), outputs.delivered(path) as temporary:
         if form == "step":
-            printing.write_step(body, temporary, case.name)
+            printing.write_step(body, temporary, case.name, names)
         elif form == "3mf":
-            printing.write_3mf(body, temporary, about(case))
+            printing.write_3mf(body, temporary, about(case), names)
         else:
             printing.write_stl(body, temporary, case.name)
             checked(case, body, temporary, log, (path.name,))

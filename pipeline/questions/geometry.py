@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from geometry.layout import Design, region_materials
 from pipeline.quantity import GRAM, MM, figure, percentage, signed
 from pipeline.questions.late import Case, Plan
 from pipeline.questions.question import Question, Run
@@ -57,8 +59,8 @@ class Geometry(Question[GeometryResult], in_studies_only=True, of_any_zones=True
             body = solids.plate_solid(case.design)
         with run.step("write STL, STEP, 3MF"):
             printing.write_stl(body, run.folder / "plate_mm.stl", case.name)
-            printing.write_step(body, run.folder / "plate.step", case.name)
-            printing.write_3mf(body, run.folder / "plate.3mf", about(case))
+            printing.write_step(body, run.folder / "plate.step", case.name, material_names(case.design))
+            printing.write_3mf(body, run.folder / "plate.3mf", about(case), material_names(case.design))
         with run.step("check the print file"):
             return checked(
                 case, body, run.folder / "plate_mm.stl", run.log, ("plate_mm.stl", "plate.step", "plate.3mf")
@@ -79,6 +81,16 @@ def checked(case: Case, body: Any, stl: Path, log: Log, files: tuple[str, ...]) 
     for fault in found.faults:
         log.warning("PRINT", fault)
     return result
+
+
+def material_names(design: Design) -> dict[str, str]:
+    """Return the name of the material of each region, with that of the region where materials share a name."""
+    known = region_materials(design.stack, design.pillar)
+    shared = Counter(material.name for material in dict.fromkeys(known.values()))
+    return {
+        region: material.name if shared[material.name] == 1 else f"{material.name} ({region})"
+        for region, material in known.items()
+    }
 
 
 def about(case: Case) -> dict[str, str]:

@@ -13,7 +13,7 @@ from geometry.cad import printing
 from geometry.cad.printing import check_print, overhang, write_3mf, write_step, write_stl
 from geometry.cad.solids import plate_solid
 from geometry.errors import GeometryError
-from geometry.layout import Design, Pillar
+from geometry.layout import Design, Pillar, Section
 from geometry.materials import MATERIALS
 
 ALUMINIUM, BRASS = MATERIALS["aluminium"], MATERIALS["brass"]
@@ -166,17 +166,52 @@ def test_step_reads_back_as_the_same_solid(tmp_path, scene, capfd):
     assert len(back.Faces()) == len(body.shape.Faces())
 
 
-def test_bonded_materials_are_not_printed_but_kept_apart_in_step(tmp_path):
+BONDED = Pillar("square", 2e-3, 2e-3, 3e-3, BRASS, upper=(Section("round", 1.5e-3, 1.5e-3, 1e-3, ALUMINIUM),))
+NAMES = {"plate": "aluminium", "pillar": "brass", "section2": "aluminium (section2)"}
+
+
+def bonded() -> Design:
+    return replace(design(), pillar=BONDED)
+
+
+def test_bonded_materials_stay_separate_parts_of_a_step_file(tmp_path):
     import cadquery as cq
 
-    scene = design()
-    scene = replace(scene, pillar=replace(scene.pillar, material=BRASS))
-    body = plate_solid(scene)
-    with pytest.raises(GeometryError, match="one solid of one material"):
+    body, count = plate_solid(bonded()), len(bonded().pillar_centres())
+    with pytest.raises(GeometryError, match="one solid of one material: write 3MF or STEP"):
         write_stl(body, tmp_path / "a.stl")
-    write_step(body, tmp_path / "a.step")
+    write_step(body, tmp_path / "a.step", "touch plate", NAMES)
     back = cq.importers.importStep(str(tmp_path / "a.step"))
-    assert len(back.solids().vals()) == 1 + len(scene.pillar_centres())
+    assert len(back.solids().vals()) == 1 + 2 * count
+    products = re.findall(r"PRODUCT\('([^']*)'", (tmp_path / "a.step").read_text())
+    assert {"touch plate", *NAMES.values()} <= set(products)
+    time.sleep(1.1)
+    write_step(body, tmp_path / "b.step", "touch plate", NAMES)
+    one, two = (_unnumbered((tmp_path / name).read_text()) for name in ("a.step", "b.step"))
+    placed = r"(OCCURRENCE\(')\d+"  # parts placed are counted from one file of a process to the next
+    assert re.sub(placed, r"\1", one) == re.sub(placed, r"\1", two)
+
+
+def test_a_3mf_of_several_materials_has_an_object_of_each(tmp_path):
+    from zipfile import ZipFile
+
+    from lxml import etree
+
+    body, path = plate_solid(bonded()), tmp_path / "plate.3mf"
+    write_3mf(body, path, {}, NAMES)
+    volumes = dict(zip(NAMES, (1e9 * part for part in body.part_volumes_m3().values()), strict=True))
+    loaded = trimesh.load(path)
+    found = {name: mesh.volume for name, mesh in loaded.geometry.items()}
+    chords = 4.0 / 3.0 * printing.DEFLECTION_MM / 0.75  # what facets take of a disc
+    assert sorted(found.values()) == pytest.approx(sorted(volumes.values()), rel=chords)
+    assert all(mesh.is_watertight for mesh in loaded.geometry.values())
+    assert loaded.bounds[:, 2] == pytest.approx([0.0, 6.0])
+    model = etree.fromstring(ZipFile(path).read("3D/3dmodel.model"))
+    assert [base.get("name") for base in model.iter("{*}base")] == [*NAMES.values()]
+    named = {node.get("name"): node.get("pindex") for node in model.iter("{*}object") if node.get("name")}
+    assert named == {name: str(place) for place, name in enumerate(NAMES.values())}
+    (item,) = model.iter("{*}item")
+    assert len([*model.iter("{*}component")]) == 3 and int(item.get("objectid")) == 5
 
 
 def test_a_write_that_dies_leaves_the_old_file_whole(tmp_path, monkeypatch):
