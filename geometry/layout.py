@@ -569,6 +569,8 @@ class Patches:
         Amplitude of the drive voltage in V.
     circuit : {'short', 'open'}
         Whether a voltage or a charge is prescribed on the actuators.
+    glue : Layer or None
+        Layer between every patch and the plate.
     """
 
     material: PiezoMaterial
@@ -580,6 +582,7 @@ class Patches:
     sensors: tuple[int, ...]
     drive_v: float
     circuit: Literal["short", "open"] = "short"  # of the actuators: a prescribed voltage or charge
+    glue: Layer | None = None
 
     @property
     def count(self) -> int:

@@ -20,6 +20,7 @@ from geometry.materials import PIEZO_MATERIALS, Layer, Material, Stack
 from geometry.pillar_shapes import PillarShape
 from pipeline.case.checks import one_table, span_mm
 from pipeline.case.reading import (
+    GLUE,
     UNIFORM_ROW_KEYS,
     CaseValues,
     Diagnostics,
@@ -245,6 +246,7 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
         sensors=sensors,
         drive_v=float(table.drive_V),
         circuit=table.circuit,
+        glue=None if values.glue_mm is None else Layer(values.materials[GLUE], MM * values.glue_mm),
     )
     _check_sensors(patches, diagnostics)
     if "zone" in values.tables.present:
@@ -479,8 +481,12 @@ def _check_losses(values: Values, design: Design, patches: Patches | None) -> No
     """Raise InputError for each material without the loss that the case takes from its materials."""
     if values.tables.damping.quality != "materials":
         return
-    ceramic = (patches.material,) if patches else ()
-    for name in dict.fromkeys(each.name for each in (*design.materials, *ceramic) if each.loss_factor is None):
+    lossy: list[tuple[str, float | None]] = [(each.name, each.loss_factor) for each in design.materials]
+    if patches:
+        lossy.append((patches.material.name, patches.material.loss_factor))
+    if patches and patches.glue:
+        lossy.append((patches.glue.material.name, patches.glue.material.loss_factor))
+    for name in dict.fromkeys(name for name, factor in lossy if factor is None):
         values.diagnostics.add("damping.quality", "materials", f"material {name} has no loss_factor: give it one")
     values.diagnostics.stop()
 

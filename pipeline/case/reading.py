@@ -33,6 +33,7 @@ from pipeline.case.checks import (
 )
 from pipeline.case.limits import MAX_CONTRAST, MAX_LAYERS, MIN_LAYER
 from pipeline.case.schema import (
+    GLUE_ALLOWED,
     LAYERS_ALLOWED,
     MATERIAL_ALLOWED,
     MATERIAL_OWNERS,
@@ -53,7 +54,12 @@ from pipeline.quantity import GPA, MM
 
 Checked = TypeVar("Checked", bound=BaseModel)
 FIRST_LAYER, SECTION = "plate.layer.0", "pillar.section"
-HIDDEN = {"plate": ("layer",), "pillar": ("material", "section")}  # keys of tables that are read one by one
+GLUE = "patches.glue"
+HIDDEN = {
+    "plate": ("layer",),
+    "pillar": ("material", "section"),
+    "patches": ("glue",),
+}  # keys of tables that are read one by one
 MAX_LENGTH = 60  # longest value or key that is shown, in characters
 MAX_NAMES = 2000  # largest folder in which a misspelled name is compared
 MAX_LINES = 50  # largest number of faults listed; a file with more is not a case file
@@ -141,6 +147,7 @@ class CaseValues:
     given: frozenset[str]
     diagnostics: Diagnostics
     layers_mm: tuple[float, ...] = ()  # thicknesses of a plate of several layers
+    glue_mm: float | None = None  # thickness of the glue between patches and plate
 
 
 def quoted(value: Any) -> str:
@@ -389,6 +396,7 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
     materials: dict[str, Material] = {}
     layers: tuple[float, ...] = ()
     sections: list[dict[str, Any]] = []
+    glue: float | None = None
     for key in raw:
         if key == "tip":
             diagnostics.add("tip", raw[key], f"replaced by sections: {_as_sections(raw)}")
@@ -402,6 +410,8 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
             diagnostics.add(table, content, f"must be a table [{table}]")
             continue
         own = {key: value for key, value in content.items() if key not in HIDDEN.get(table, ())}
+        if table == "patches" and "glue" in content:
+            glue = _read_glue(content, materials, known, diagnostics)
         if table == "pillar" and "section" in content:
             sections = _read_sections(content, raw, materials, known, diagnostics)
             own |= sections[0] if sections else {}
@@ -424,7 +434,7 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
     _add_all(chain(normalise_rows(tables), normalise_pitch(tables)), diagnostics)
     rows = tuple((own, _read_shape(own, source, diagnostics)) for own in by_row(tables))
     _check_across(rows, diagnostics)
-    return CaseValues(name, tables, materials, rows, _given(raw), diagnostics, layers)
+    return CaseValues(name, tables, materials, rows, _given(raw), diagnostics, layers, glue)
 
 
 def _allowed(field: FieldInfo) -> str:
@@ -538,6 +548,29 @@ def _read_layers(
             what = f"must be at least {least:.4g}, {MIN_LAYER:g} of the plate's thickness: no element is as thin"
             diagnostics.add(f"plate.layer.{number}.thickness_mm", thickness, what)
     return thicknesses
+
+
+def _read_glue(
+    patches: dict[str, Any], materials: dict[str, Material], known: list[str], diagnostics: Diagnostics
+) -> float | None:
+    """Read the material of the glue between patches and plate, and return its thickness in mm; None for a faulty one."""
+    glue, before = patches["glue"], len(diagnostics.lines)
+    if not is_table(glue):
+        diagnostics.add(GLUE, glue, f"must be {GLUE_ALLOWED}")
+        return None
+    own = {key: value for key, value in glue.items() if key != "material"}
+    check_table(LayerTable, own, f"{GLUE}.", known, diagnostics)
+    if "material" not in glue:
+        diagnostics.missing(f"{GLUE}.material", f"must be {MATERIAL_ALLOWED} ({', '.join(MATERIALS)})")
+    _read_material(glue, GLUE, materials, known, diagnostics)
+    if len(diagnostics.lines) > before:
+        return None
+    thickness, size = float(glue["thickness_mm"]), patches.get("size_mm")
+    patch = size[2] if isinstance(size, list) and len(size) == 3 and isinstance(size[2], int | float) else None
+    if patch and not MIN_LAYER * patch <= thickness <= patch:
+        text = f"must be from {MIN_LAYER * patch:.4g} to {patch:g}, {MIN_LAYER:g} to 1 times the patches' thickness"
+        diagnostics.add(f"{GLUE}.thickness_mm", thickness, text)
+    return thickness
 
 
 def _as_sections(raw: dict[str, Any]) -> str:

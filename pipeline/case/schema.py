@@ -42,6 +42,7 @@ SECTIONS_ALLOWED = (
     "tables [[pillar.section]] of height_mm, material and the keys of a shape where it differs from the one below, from the "
     "foot up"
 )
+GLUE_ALLOWED = "a table {material, thickness_mm} of the layer between patches and plate"
 LAYERS_ALLOWED = "tables [[plate.layer]] of material and thickness_mm, from the touch face to the back"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
 
@@ -261,6 +262,7 @@ class PatchesTable(Table):
     circuit: Literal["short", "open"] = Field(
         default="short", description="short (a voltage drives the patches) or open (a charge does)"
     )
+    glue: None = Field(default=None, description=GLUE_ALLOWED)  # read by itself, as its material is
 
 
 def not_negative(within: Range) -> Any:
@@ -618,6 +620,7 @@ def json_schema() -> dict[str, Any]:
         "type": "array", "items": layer | {"required": ["material", "thickness_mm"]}, "description": LAYERS_ALLOWED
     }  # fmt: skip
     root["$defs"]["PlateTable"]["required"] = []
+    root["$defs"]["PatchesTable"]["properties"]["glue"] = layer | {"description": GLUE_ALLOWED}
     root["$defs"]["SectionTable"]["properties"]["material"] = material
     root["$defs"]["PillarTable"]["properties"]["section"] = {
         "type": "array", "items": of[SectionTable], "description": SECTIONS_ALLOWED
@@ -644,6 +647,7 @@ def known_keys() -> list[str]:
     constants += [f"cubic_GPa.{key}" for key in CubicTable.model_fields] + [f"orthotropic.{key}" for key in NINE]
     keys = ["name", *owners, *(f"{owner}.{key}" for owner in owners for key in constants)]
     keys += [f"{name}.0.{key}" for name, model in LISTS.items() for key in ("material", *model.model_fields)]
+    keys += ["patches.glue.material", "patches.glue.thickness_mm"]
     keys += [f"touch.impedance.{key}" for key in FingertipTable.model_fields]
     keys += [f"{table}.{key}" for table, model in TABLES.items() for key in model.model_fields]
     return sorted(set(keys))

@@ -317,7 +317,7 @@ def _bonded(case: Case, tiling: Tiling) -> list[BondedPatch]:
     assert patches is not None
     material, thickness, back = patches.material, patches.size_m[2], patches.face == "back"
     return [
-        bonded_patch(material, box, thickness, back, patch_mesh(case.design, tiling, box), ArrayCache())
+        bonded_patch(material, box, thickness, back, patch_mesh(case.design, tiling, box), ArrayCache(), patches.glue)
         for box in patches.boxes_m()
     ]
 

@@ -14,7 +14,7 @@ graded towards its edges, less the same of those panels' reduced matrices, both 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import product
@@ -25,11 +25,11 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.hex.boxes import Boxes, bonded_boxes, hex_mesh
 from geometry.hex.scenes import HexSettings, grid_lines
 from geometry.layout import Design, PillarGroup, mirrored_axes
-from geometry.materials import VOIGT, Material, PiezoMaterial, Stack
+from geometry.materials import VOIGT, Layer, Material, PiezoMaterial, Stack
 from geometry.mesh import Mesh
 from geometry.tiling import Tiling, signature
 from solvers.accuracy.mesh import ErrorFractions, rim_shares
@@ -50,10 +50,10 @@ SAME = 1e-9  # of the thickness: one place
 APART = 1e-6  # of a length: nodes are farther from each other
 OWN = 1e-6  # relative tolerance of a patch's own resonance
 BASIS = 10  # Lanczos vectors of a lowest resonance
-KEPT = ("points", "projection", "stiffness", "mass", "theta", "swell", "capacitance_f", "own_hz")
+KEPT = ("points", "projection", "stiffness", "mass", "theta", "swell", "capacitance_f", "own_hz", "lost")
 CLASSES = ("SS", "SA", "AS", "AA")
-_Own = tuple[PiezoMaterial, float, float, float, bool, HexSettings]  # key of a patch, wherever it is
-_Matrices = tuple[sp.csr_array, sp.csr_array, FloatArray, float]
+_Own = tuple[PiezoMaterial, float, float, float, bool, HexSettings, Layer | None]  # key of a patch, wherever it is
+_Matrices = tuple[sp.csr_array, sp.csr_array, FloatArray, float, sp.csr_array | None]
 
 WAVE = 3.75  # elements along a half-wavelength of the target shape, at least
 FOOT = 0.5  # of foot and thickness, the longest element of a patch over pillars: its plate bends between their feet
@@ -69,7 +69,9 @@ class BondedPatch:
     points in the mean square, so that forces pass through the whole face and not at nodes. stiffness and mass (3b, 3b) in N/m
     and kg at constant voltage; theta (3b,) in N/V = C/m; swell (3b,) in kg m/V, force per volt and squared angular frequency;
     capacitance_f with the bonded face clamped. box_m: the footprint x0, x1, y0, y1; mesh: elements, shorter at its edges.
-    own_hz: its lowest resonance on a bonded face that is held; far below it alone the patch follows statically.
+    own_hz: its lowest resonance on a bonded face that is held; far below it alone the patch follows statically. glue: between
+    patch and plate, whose face is then the bonded one. lost (3b, 3b): stiffness times the loss factors; None where one is not
+    known.
     """
 
     material: PiezoMaterial
@@ -85,6 +87,8 @@ class BondedPatch:
     swell: FloatArray
     capacitance_f: float
     own_hz: float
+    lost: FloatArray | None = None
+    glue: Layer | None = None
 
 
 class PatchCache(Protocol):
@@ -124,6 +128,7 @@ class StaticCorrection:
         """Error fractions beneath a patch for the mesh without its innermost layer."""
         ceramic = patch.material
         alike = Material.isotropic(ceramic.name, 1.0 / ceramic.s11, ceramic.density_kg_m3, -ceramic.s12 / ceramic.s11)
+        alike = patch.glue.material if patch.glue else alike
         stack = self.reductions.stack
         shares = rim_shares(stack.back if back else stack.touch, alike, patch.mesh)
         return replace(shares, uncertainty=shares.uncertainty + ROUGH * shares.correction)
@@ -297,6 +302,7 @@ def bonded_patch(
     above: bool,
     mesh: HexSettings | None = None,
     cache: PatchCache | None = None,
+    glue: Layer | None = None,
 ) -> BondedPatch:
     """Condense a patch at its place to the nodes of its bonded face.
 
@@ -316,6 +322,8 @@ def bonded_patch(
         Elements; MESH by default.
     cache : PatchCache, optional
         Store of patches between runs.
+    glue : Layer, optional
+        Layer between patch and plate, as large as the patch.
 
     Returns
     -------
@@ -324,14 +332,14 @@ def bonded_patch(
     """
     x0, x1, y0, y1 = (float(end) for end in box_m)
     size = round(x1 - x0, 12), round(y1 - y0, 12)
-    patch = _known((material, *size, thickness_m, above, mesh or MESH), _Where(cache))
+    patch = _known((material, *size, thickness_m, above, mesh or MESH, glue), _Where(cache))
     return replace(patch, points=patch.points + np.array([x0, y0]), box_m=np.array([x0, x1, y0, y1]))
 
 
 def with_potential(
-    mesh: Mesh, material: PiezoMaterial, thickness_m: float
+    mesh: Mesh, material: PiezoMaterial, thickness_m: float, glue: Layer | None = None
 ) -> tuple[sp.csr_array, sp.csr_array, FloatArray, float]:
-    """Assemble the matrices of a patch with the potential at the nodes between its electrodes.
+    """Assemble the matrices of a patch, and of its glue, with the potential at the nodes between its electrodes.
 
     K is indefinite and M has nothing at the potential. It is scaled, so that its own part is as large as K_E.
 
@@ -343,6 +351,8 @@ def with_potential(
         Poled along z.
     thickness_m : float
         Distance of the electrodes.
+    glue : Layer, optional
+        Region glue of the mesh.
 
     Returns
     -------
@@ -353,24 +363,59 @@ def with_potential(
     capacitance : float
         Clamped, in F (unit farad).
     """
+    return _assembled(mesh, material, thickness_m, glue)[:4]
+
+
+def _assembled(mesh: Mesh, material: PiezoMaterial, thickness_m: float, glue: Layer | None) -> _Matrices:
+    """K, M, theta and capacitance as `with_potential`, and the loss of K; None where a loss factor is not known."""
     size = float(np.sqrt(material.stiffness_pa[2, 2] / material.permittivity_clamped_f_m[2, 2]))
     law = np.zeros((4, 3, 4, 3))  # of u_x, u_y, u_z and the potential: stresses and charges of their slopes
     law[:3, :, :3] = material.stiffness_pa[VOIGT[:, :, None, None], VOIGT]
     law[3, :, :3] = size * material.stress_c_m2[:, VOIGT]
     law[:3, :, 3] = law[3, :, :3].transpose(1, 2, 0)
     law[3, :, 3] = -(size**2) * material.permittivity_clamped_f_m
-    forms, count, height = Forms(mesh, 1.0), len(mesh.nodes), mesh.nodes[:, 2]
+    forms, count = Forms(mesh, 1.0), len(mesh.nodes)
+    height, inside = _between_electrodes(mesh, thickness_m)
     motion, potential = (4 * np.arange(count)[:, None] + np.arange(3)).ravel(), 4 * np.arange(count) + 3
-    inside = (height > height.min() + SAME * thickness_m) & (height < height.max() - SAME * thickness_m)
-    every = forms.stiffness(law)
+    laws, densities, losses = law, np.full(len(mesh.cells), material.density_kg_m3), [material.loss_factor]
+    if glue:
+        elastic, cells = np.zeros_like(law), mesh.regions["glue"]
+        elastic[:3, :, :3] = glue.material.tensor_pa
+        laws = np.tile(law, (len(mesh.cells), 1, 1, 1, 1))
+        laws[cells], densities[cells] = elastic, glue.material.density_kg_m3
+        losses.append(glue.material.loss_factor)
+    every = forms.stiffness(laws)
     own = np.concatenate([motion, potential[inside]])
-    scalar = forms.mass(np.full(len(mesh.cells), material.density_kg_m3))
+    scalar = forms.mass(densities)
     heavy = sp.block_diag([sp.kron(scalar, np.eye(3)), sp.csr_array((inside.sum(),) * 2)], format="csr")
     # a field E_z = -V/t has the potential V z/t: N times it is -theta V; an even field puts no charge on inner nodes
     theta = np.concatenate([every[motion][:, potential] @ height / (-thickness_m * size), np.zeros(inside.sum())])
     area = float(np.ptp(mesh.nodes[:, 0]) * np.ptp(mesh.nodes[:, 1]))
     capacitance = float(material.permittivity_clamped_f_m[2, 2]) * area / thickness_m
-    return sp.csr_array(every[own][:, own]), sp.csr_array(heavy), theta, capacitance
+    stiffness = sp.csr_array(every[own][:, own])
+    return stiffness, sp.csr_array(heavy), theta, capacitance, _lost(stiffness, forms, mesh, glue, losses, own)
+
+
+def _lost(
+    stiffness: sp.csr_array, forms: Forms, mesh: Mesh, glue: Layer | None, losses: Sequence[float | None], own: IntArray
+) -> sp.csr_array | None:
+    """The stiffness of ceramic and glue times their loss factors: all of it times the ceramic's, and what the glue has more."""
+    ceramic, *others = losses
+    if ceramic is None or None in others:
+        return None
+    if glue is None:
+        return sp.csr_array(ceramic * stiffness)
+    elastic = np.zeros((len(mesh.cells), 4, 3, 4, 3))
+    elastic[mesh.regions["glue"], :3, :, :3] = glue.material.tensor_pa
+    return sp.csr_array(ceramic * stiffness + (glue.material.lost - ceramic) * forms.stiffness(elastic)[own][:, own])
+
+
+def _between_electrodes(mesh: Mesh, thickness_m: float) -> tuple[FloatArray, BoolArray]:
+    """Heights of the nodes from the ceramic's lower electrode, those beyond it at its ends (n,), and which lie between both."""
+    ceramic = np.setdiff1d(np.arange(len(mesh.cells)), mesh.regions.get("glue", []))
+    low = mesh.nodes[mesh.cells[ceramic], 2].min()
+    height = np.clip(mesh.nodes[:, 2] - low, 0.0, thickness_m)
+    return height, (height > SAME * thickness_m) & (height < (1.0 - SAME) * thickness_m)
 
 
 def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings:
@@ -423,36 +468,48 @@ def _known(own: _Own, where: _Where) -> BondedPatch:
     flat = where.cache.load(key)
     if flat is None:
         patch = _alike(*own)
-        where.cache.keep(key, {name: getattr(patch, name) for name in KEPT})
+        known = {name: getattr(patch, name) for name in KEPT}
+        where.cache.keep(key, {name: value for name, value in known.items() if value is not None})
         return patch
-    material, x_m, y_m, thickness_m, _, settings = own
-    parts: dict[str, Any] = {name: flat[name] if flat[name].ndim else float(flat[name]) for name in KEPT}
-    return BondedPatch(material, np.array([0.0, x_m, 0.0, y_m]), thickness_m, settings, **parts)
+    material, x_m, y_m, thickness_m, _, settings, glue = own
+    parts: dict[str, Any] = {
+        name: flat[name] if flat[name].ndim else float(flat[name]) for name in KEPT if name in flat
+    }
+    return BondedPatch(material, np.array([0.0, x_m, 0.0, y_m]), thickness_m, settings, **parts, glue=glue)
 
 
 def _alike(
-    material: PiezoMaterial, x_m: float, y_m: float, thickness_m: float, above: bool, settings: HexSettings
+    material: PiezoMaterial,
+    x_m: float,
+    y_m: float,
+    thickness_m: float,
+    above: bool,
+    settings: HexSettings,
+    glue: Layer | None = None,
 ) -> BondedPatch:
     """The patch with its first corner at the origin: patches of one size are one."""
     box = np.array([0.0, x_m, 0.0, y_m])
-    mesh = _mesh(box, thickness_m, settings, above)
+    mesh = _mesh(box, thickness_m, settings, above, glue.thickness_m if glue else 0.0)
     _check_room(mesh, box)
-    bond = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (0.0 if above else thickness_m)) < 1e-9 * thickness_m + 1e-15)
-    matrices = with_potential(mesh, material, thickness_m)
-    parts = [_condensed(matrices, *_fields(mesh, symmetry, matrices[0].shape[0]), 3 * bond) for symmetry in CLASSES]
-    *added, own_hz = zip(*parts, strict=True)
+    face = 0.0 if above else thickness_m + (glue.thickness_m if glue else 0.0)
+    bond = np.flatnonzero(np.abs(mesh.nodes[:, 2] - face) < 1e-9 * thickness_m + 1e-15)
+    matrices, inside = _assembled(mesh, material, thickness_m, glue), _between_electrodes(mesh, thickness_m)[1]
+    parts = [_condensed(matrices, *_fields(mesh, symmetry, inside), 3 * bond) for symmetry in CLASSES]
+    *added, lost, own_hz = zip(*parts, strict=True)
     stiffness, mass, theta, swell, charged = (np.sum(each, axis=0) for each in added)
+    dissipated = None if matrices[4] is None else np.sum(lost, axis=0)
     places = _projection(mesh, "touch" if above else "top", bond)
     capacitance_f = float(matrices[3] + charged)
     return BondedPatch(
-        material, box, thickness_m, settings, *places, stiffness, mass, theta, swell, capacitance_f, min(own_hz)
-    )
+        material, box, thickness_m, settings, *places, stiffness, mass, theta, swell, capacitance_f, min(own_hz),
+        dissipated, glue,
+    )  # fmt: skip
 
 
 def _condensed(
     matrices: _Matrices, fields: sp.csr_array, own: IntArray, bond: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
-    """Stiffness, mass, theta, swell, capacitance and lowest resonance over fields (dof, m) of one symmetry class.
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, FloatArray | float, float]:
+    """Stiffness, mass, theta, swell, capacitance, loss and lowest resonance over fields (dof, m) of one symmetry class.
 
     The matrices' images of the fields are fields of the class: their rows `own`, one per field, hold them.
     """
@@ -469,25 +526,34 @@ def _condensed(
     condensed = k_b[:, b] + k_bi @ follow
     heavy = m_b[:, b] + m_bi @ follow + follow.T @ (m_i[:, b] + m_ii @ follow)
     place = on_bond[:, b]
+    lost: FloatArray | float = 0.0
+    if matrices[4] is not None:
+        moved = np.empty((fields.shape[1], len(b)))
+        moved[b], moved[i] = np.eye(len(b)), follow
+        own_loss = moved.T @ (sp.csr_array(scale @ (matrices[4][own] @ fields)) @ moved)
+        lost = place @ (place @ (own_loss + own_loss.T) / 2.0).T
     return (
         place @ (place @ (condensed + condensed.T) / 2.0).T,
         place @ (place @ heavy).T,
         place @ (theta[b] + follow.T @ theta[i]),
         place @ (m_bi @ swell + follow.T @ (m_ii @ swell)),
         float(theta[i] @ swell),
+        lost,
         _lowest_hz(k_ii, m_ii, inner),
     )
 
 
-def _fields(mesh: Mesh, symmetry: str, size: int) -> tuple[sp.csr_array, IntArray]:
+def _fields(mesh: Mesh, symmetry: str, between: BoolArray) -> tuple[sp.csr_array, IntArray]:
     """Orthonormal fields (size, m) of one symmetry class of a patch, which is its own mirror image: motions of all nodes, then
-    the potential, which is even or odd as u_z is, of those inside. And of each field a row in which it alone is, (m,).
+    the potential, which is even or odd as u_z is, of those between the electrodes. And of each field a row in which it
+    alone is, (m,).
     """
     grid = [_ranks(places) for places in mesh.nodes.T]
     last = [int(ranks.max()) for ranks in grid]
     number = np.empty([each + 1 for each in last], dtype=np.int64)
     number[tuple(grid)] = np.arange(len(mesh.nodes))
-    inside = np.flatnonzero((grid[2] > 0) & (grid[2] < last[2]))
+    inside = np.flatnonzero(between)
+    size = 3 * len(mesh.nodes) + len(inside)
     motion = np.arange(3 * len(mesh.nodes)).reshape(-1, 3)
     potential = np.full(len(mesh.nodes), -1)
     potential[inside] = motion.size + np.arange(size - motion.size)
@@ -533,11 +599,16 @@ def _lowest_hz(stiffness: sp.csr_array, mass: sp.csr_array, factor: Factor) -> f
     return float(np.sqrt(value[0]) / (2.0 * pi))
 
 
-def _mesh(box_m: FloatArray, thickness_m: float, settings: HexSettings, above: bool) -> Mesh:
+def _mesh(box_m: FloatArray, thickness_m: float, settings: HexSettings, above: bool, glue_m: float = 0.0) -> Mesh:
     x, y = (grid_lines({float(low): True, float(high): True}, settings.grading) for low, high in box_m.reshape(2, 2))
-    z = grid_lines({0.0: above, thickness_m: not above}, settings.grading)
+    joint, top = (glue_m if above else thickness_m), thickness_m + glue_m
+    ends = {0.0: above, joint: True, top: not above} if glue_m else {0.0: above, top: not above}
+    z = grid_lines(ends, settings.grading)
     region = np.zeros((len(x) - 1, len(y) - 1, len(z) - 1), dtype=np.int64)
-    return hex_mesh(Boxes(x, y, z, region, ("patch",)), settings.order)
+    if glue_m:
+        region[:, :, (z[1:] + z[:-1]) / 2.0 > joint] = 1
+    names = ("glue", "patch") if glue_m and above else ("patch", "glue")  # the lowest one first
+    return hex_mesh(Boxes(x, y, z, region, names), settings.order)
 
 
 def _projection(mesh: Mesh, face: str, nodes: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -175,8 +175,12 @@ class PatchedPlate:
         flip = np.where(plate.tiling.mirrored & (ends.sum(axis=1) < -NEAR_M), -1.0, 1.0)
         box = np.sort(ends * flip[:, None], axis=1).ravel()
         if (flip < 0.0).any():
-            patch = bonded_patch(patch.material, box, patch.thickness_m, self.back, patch.mesh)
-        return repr((patch.material.name, patch.thickness_m, patch.mesh, np.round(box, 9).tolist())), patch, flip
+            patch = bonded_patch(patch.material, box, patch.thickness_m, self.back, patch.mesh, glue=patch.glue)
+        return (
+            repr((patch.material.name, patch.thickness_m, patch.glue, patch.mesh, np.round(box, 9).tolist())),
+            patch,
+            flip,
+        )
 
     @cached_property
     def stiffness_unit(self) -> float:
@@ -537,7 +541,8 @@ def _meshes(patch: BondedPatch, back: bool, beneath: StaticCorrection | None) ->
     """A patch by its meshes, the finest first."""
     if beneath is None or not patch.mesh.layers:
         return (patch,)
-    return patch, bonded_patch(patch.material, patch.box_m, patch.thickness_m, back, patch.mesh.coarser)
+    coarser = bonded_patch(patch.material, patch.box_m, patch.thickness_m, back, patch.mesh.coarser, glue=patch.glue)
+    return patch, coarser
 
 
 def _part(
@@ -556,10 +561,10 @@ def _part(
     turn = np.linalg.inv(np.eye(len(load)) + gives @ stiffness)
     effective, effective_load = stiffness @ turn, turn.T @ load
     held = turn.T @ stiffness @ turn  # the patch's own part of the stiffness, the rest is F's
-    below = beneath.loss_factor(back) if beneath else patch.material.loss_factor
+    below = beneath.loss_factor(back) if beneath else 0.0
     loss = None
-    if patch.material.loss_factor is not None and below is not None:
-        loss = patch.material.loss_factor * held + below * ((effective + effective.T) / 2.0 - held)
+    if patch.lost is not None and below is not None:
+        loss = turn.T @ (patch.lost / unit) @ turn + below * ((effective + effective.T) / 2.0 - held)
     inertia = eigenvalue * turn.T @ (patch.swell + patch.mass @ (gives @ effective_load)) / scale.mass_kg
     return _Part(
         Contact(patch.points, patch.projection, back),
