@@ -515,7 +515,7 @@ class Air(TypedDict, total=False):
 
 
 class Patches(TypedDict, total=False):
-    """Piezoelectric patches: material, size_mm along x, y and z, face, at or centres_mm, sensors, drive_V, circuit.
+    """Piezoelectric patches: material, size_mm along x, y and z, face, at or centres_mm, sensors, drive_V, circuit, glue.
 
     >>> from antinode import Patches
     >>> Patches(material="pz26", size_mm=(12.0, 3.0, 0.3), at="antinodes", sensors=(7,))["sensors"]
@@ -531,6 +531,7 @@ class Patches(TypedDict, total=False):
     sensors: Iterable[int]
     drive_V: float
     circuit: Literal["short", "open"]
+    glue: dict[str, Any]
 
 
 class Scatter(TypedDict, total=False):
