@@ -298,7 +298,11 @@ def target_window_hz(case: Case, query: Request) -> tuple[float, float] | None:
 
 def model_high_hz(case: Case, query: Request) -> float:
     """Highest frequency that the model has to resolve, Hz: that of the request and of a target window that meets it."""
-    high = query.highest_hz or mesh_rules.target_window_hz(case.design)[1]
+    high = query.highest_hz or (
+        mesh_rules.target_window_hz(case.design)[1]
+        if "zone" in case.given
+        else mesh_rules.good_to_hz(query.part, case.design)
+    )
     window = target_window_hz(case, query) if query.search else None
     meets = window and window[0] <= high and (query.band_hz is None or query.band_hz[0] <= window[1])
     return max(high, window[1]) if window and meets else high

@@ -16,6 +16,8 @@ from geometry.mesh import cell_volumes, check_mesh
 from geometry.tiling import lattice_panel
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
+from pipeline.logs import TerminalLog
+from pipeline.models.modes import Request, solve_modes
 from pipeline.records.record import DesignRecord
 from pipeline.search.terms import mass_kg, overhang_deg
 from tests.helpers.scenes import STEEL_PILLARS
@@ -144,6 +146,14 @@ def test_a_tip_is_refused_with_the_sections_to_write() -> None:
         'write pillar.section = [{height_mm = 6}, {shape = "square", side_mm = 3, height_mm = 1.5, material = "brass"}]'
     )
     assert said in line and "without pillar.height_mm" in line
+
+
+def test_a_pillar_alone_needs_no_zone_for_its_modes() -> None:
+    raw = {"name": "alone", "material": "aluminium", "pillar": {"side_mm": 2.0, "height_mm": 5.0}}
+    rows = solve_modes(
+        case_from_dict(raw, None, ["solve.accuracy=0.05"]), Request("pillar", count=2), TerminalLog(True)
+    ).rows
+    assert len(rows) == 2 and rows[0].frequency_hz == pytest.approx(60e3, rel=0.01)
 
 
 def test_a_step_pillar_has_no_sections() -> None:
