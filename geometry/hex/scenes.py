@@ -282,7 +282,7 @@ def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) ->
     MeshError
         If boxes cannot follow the pillar.
     """
-    foot = _foot(pillar)
+    foot = _outlines(pillar)[0]
     x, y = _edges(pillar)
     if quarter:
         x, y = ({0.0: False} | {edge: inner for edge, inner in breaks.items() if edge > 0.0} for breaks in (x, y))
@@ -542,11 +542,6 @@ def _prisms(pillar: Pillar, centres: FloatArray, bottom_m: float) -> tuple[Foot,
     outlines = _outlines(pillar)
     parts = zip(outlines, pairwise(levels), section_names(len(outlines)), [None, *outlines], strict=False)
     return tuple(Foot(outline, centres, *ends, name, below) for outline, ends, name, below in parts)
-
-
-def _foot(pillar: Pillar) -> FloatArray:
-    """The rectangles of a foot. MeshError where boxes cannot follow the pillar."""
-    return _outlines(pillar)[0]
 
 
 def _outlines(pillar: Pillar) -> list[FloatArray]:

@@ -19,10 +19,8 @@ from geometry.elements import ComplexArray, FloatArray
 from solvers.measures.confinement import TouchField
 
 AUDIBLE_PA = 20e-6  # reference of sound pressure levels
-LEAST, PER_RADIAN = (
-    16,
-    0.6,
-)  # directions along an angle: at least, and more for each radian of k times the face's half-length
+LEAST = 16  # directions along an angle, at least
+PER_RADIAN = 0.6  # directions more for each radian of k times the face's half-length
 AT_ONCE = 2_000_000  # entries of a block of directions and places
 SAME = 1e-9  # of the face's half-length: one coordinate
 

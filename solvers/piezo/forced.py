@@ -22,7 +22,7 @@ from solvers.errors import SolverError
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.missing_mode import largest_outside
-from solvers.measures.confinement import strength_force, target_symmetry
+from solvers.measures.confinement import TouchField, strength_force, target_symmetry
 from solvers.measures.radiation import Air, air_loss_factors, level_db, pressure_pa
 from solvers.measures.target_mode import NONE, Found, Interval, Verdict, search, verdict
 from solvers.piezo.patched_plate import BondErrors, Group, PatchedPlate, PressedPlate, extrapolated_modes
@@ -68,6 +68,15 @@ class GroupModes:
         return np.concatenate(
             [volts @ self.gain.T * self.flexibility(eigenvalue), volts, (at - self.middle) * volts], -1
         )
+
+    def touched(self, eigenvalue: float, volts: ComplexArray) -> list[tuple[str, TouchField, ComplexArray]]:
+        """Each symmetry class of the group with its field on the touch face and the complex u_z there, (q,) in m."""
+        moved = self.columns @ self.amplitudes(eigenvalue, volts)
+        fields = self.group.touch(np.column_stack([moved.real, moved.imag]))
+        return [
+            (symmetry, face, face.values @ np.array([1.0, 1.0j]))
+            for symmetry, face in zip(self.group.symmetries, fields, strict=True)
+        ]
 
     @property
     def lossy(self) -> ComplexArray:
@@ -455,12 +464,11 @@ class ForcedPlate:
         """Operating shape on the whole touch face: points (q, 2) in m and complex u_z (q,) per volt, m/V."""
         eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
         volts = self.volts(eigenvalue)
-        parts = []
-        for basis in self.modes:
-            moved = basis.columns @ basis.amplitudes(eigenvalue, volts)
-            fields = basis.group.touch(np.column_stack([moved.real, moved.imag]))
-            for symmetry, own in zip(basis.group.symmetries, fields, strict=True):
-                parts.append(_unfolded(own.points, own.values @ np.array([1.0, 1.0j]), symmetry))
+        parts = [
+            _unfolded(face.points, moved, symmetry)
+            for basis in self.modes
+            for symmetry, face, moved in basis.touched(eigenvalue, volts)
+        ]
         return parts[0][0], np.asarray(sum(values for _, values in parts))
 
 
@@ -684,11 +692,9 @@ def sound_db(forced: ForcedPlate, frequency_hz: float, volts: float) -> float | 
     eigenvalue, pressure = forced.plate.scale.eigenvalue(frequency_hz), 0j
     fed = volts * forced.volts(eigenvalue)
     for basis in forced.modes:
-        moved = basis.columns @ basis.amplitudes(eigenvalue, fed)
-        fields = basis.group.touch(np.column_stack([moved.real, moved.imag]))
-        for symmetry, own in zip(basis.group.symmetries, fields, strict=True):
+        for symmetry, face, moved in basis.touched(eigenvalue, fed):
             if "A" not in symmetry:  # odd motions cancel on the axis
-                pressure += pressure_pa(own, own.values @ np.array([1.0, 1.0j]), frequency_hz, forced.air, SOUND_AT_M)
+                pressure += pressure_pa(face, moved, frequency_hz, forced.air, SOUND_AT_M)
     return level_db(pressure)
 
 
