@@ -21,11 +21,11 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import LinAlgError, eigh
 
-from geometry.elements import ComplexArray, FloatArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray
 from geometry.lattice import Lattice
 from solvers.errors import SolverError
 from solvers.fem.eigen import PlainPencil
-from solvers.superelement.cell import Cell, restricted, with_further
+from solvers.superelement.cell import Cell, restricted, rigid_boundary, with_further
 from solvers.superelement.interface import OFFSETS, Interface, Ties
 from solvers.superelement.plate import PlacedCell
 from solvers.superelement.symmetry import C2Symmetry, c2_symmetry
@@ -34,6 +34,8 @@ from solvers.threads import one_thread
 ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid-body modes
 EQUAL = 1e-7  # relative distance of eigenvalues that count as one
 SPARE = 4  # waves above the requested ones, with which the discarded modes couple them
+IN_PHASE = 1e-12  # of a turn: phases by which a cell moves as its images do
+TRANSLATION = 0.99  # of a wave's mass that moves as one: elastic waves are orthogonal to translations
 
 
 @dataclass(frozen=True)
@@ -196,7 +198,10 @@ class ReducedLattice:
                 f"{degrees_text} are more than the cell's mesh can hold: refine it or lower them"
             ) from fault
         free = turn.diagonal(wavevector)[:, None] * free if turn else free
-        return np.where(np.abs(values) < self.rounding, 0.0, values), free
+        moved = np.empty((self.dof, 3))
+        moved[self.column] = rigid_boundary(self.cell)[:, :3]
+        still = (np.abs(values) < self.rounding) | _translates(self._phases(wavevector), moved, matrices[1], free)
+        return np.where(still, 0.0, values), free
 
     def _phases(self, wavevector: FloatArray) -> ComplexArray:
         return np.asarray(np.exp(1j * self.offset @ (wavevector * np.array(self.cell.size_m[:2]))))
@@ -281,7 +286,12 @@ class BlochPlate:
         with one_thread():
             values, waves = eigh(stiffness, mass, subset_by_index=[0, min(count, self.dof) - 1])
         rounding = ROUNDING * np.abs(stiffness).max() / np.abs(mass).max()
-        return self.periodic.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values)), waves
+        moved = np.empty((self.dof, 3))
+        for placed in self.placed_cells:
+            moved[placed.dofs] = rigid_boundary(placed.cell)[:, :3]
+        phases = np.concatenate([placed.coefficient for placed in self.placed_cells])
+        still = (np.abs(values) < rounding) | _translates(phases, moved, mass, waves)
+        return self.periodic.scale.frequency(np.where(still, 0.0, values)), waves
 
     def cell_vectors(self, placed_cell: PlacedCell, vectors: ComplexArray) -> ComplexArray:
         """A cell's degrees of freedom (cell dof, k) from the free ones (dof, k)."""
@@ -291,6 +301,18 @@ class BlochPlate:
         """Return the plate with the cells' further boundary functions."""
         cells = [with_further(cell) for cell in self.periodic.cells]
         return replace(self, periodic=Periodic(cells, self.periodic.shift))
+
+
+def _translates(phases: ComplexArray, moved: FloatArray, mass: ComplexArray, waves: ComplexArray) -> BoolArray:
+    """Which waves (dof, n) move the whole lattice as one along `moved` (dof, 3), (n,): they have no frequency.
+
+    A soft neck under a heavy body has elastic waves so slow that the rounding of the plate's stiffness is not small beside them.
+    """
+    if np.abs(phases - 1.0).max() > IN_PHASE:
+        return np.zeros(waves.shape[1], dtype=bool)
+    weighted = moved.T @ mass
+    along = weighted @ waves
+    return np.asarray(np.sum(along.conj() * np.linalg.solve(weighted @ moved, along), axis=0).real > TRANSLATION)
 
 
 def degenerate(eigenvalue: FloatArray, rounding: float) -> list[slice]:
