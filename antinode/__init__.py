@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from pipeline.questions.bands import BandsResult as Bands
     from pipeline.questions.broadband import BroadbandResult as Broadband
     from pipeline.questions.crosstalk import CrosstalkResult as Crosstalk
+    from pipeline.questions.drift import DriftResult as Drift
     from pipeline.questions.hybrid import HybridResult as Hybrid
     from pipeline.questions.modes import ModesResult as Modes
     from pipeline.questions.predesign import PredesignResult as Predesign
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
 
 TABLES = ("Air", "Array", "BandPath", "Damping", "Finger", "Patches", "Pillar", "Scatter", "Section", "Solve", "Zone")
 ANSWERS = (  # results of questions
-    *("Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign", "Response"),
+    *("Attenuation", "Bands", "Broadband", "Crosstalk", "Drift", "Hybrid", "Modes", "Predesign", "Response"),
     *("Search", "Tolerance", "Touch", "Travel"),
 )
 HOMES = {  # module of each public name, and its name there
@@ -86,8 +87,8 @@ __all__ += [
     "Zone",
     "sweep",
 ]
-__all__ += ["Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign", "Response", "Search"]
-__all__ += ["Tolerance", "Touch", "Travel"]
+__all__ += ["Attenuation", "Bands", "Broadband", "Crosstalk", "Drift", "Hybrid", "Modes", "Predesign", "Response"]
+__all__ += ["Search", "Tolerance", "Touch", "Travel"]
 
 
 def __getattr__(name: str) -> Any:

@@ -25,6 +25,7 @@ from pipeline.questions.bands import Bands
 from pipeline.questions.broadband import Broadband
 from pipeline.questions.command import asks, numpydoc
 from pipeline.questions.crosstalk import Crosstalk
+from pipeline.questions.drift import Drift
 from pipeline.questions.hybrid import Hybrid
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.predesign import Predesign
@@ -172,6 +173,7 @@ class Plate(Frozen):
     tolerance = asks(Tolerance)
     alike_tolerance = asks(AlikeTolerance)
     crosstalk = asks(Crosstalk)
+    drift = asks(Drift)
     touch = asks(Touch)
     hybrid = asks(Hybrid)
     travel = asks(Travel)

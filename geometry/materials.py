@@ -146,11 +146,17 @@ class Material:
         return replace(self, stiffness_pa=_rows_of(c))
 
     def at(self, temperature_c: float) -> Material:
-        """Return the law, known at 20 C, at a temperature in C; as stiff as there where its coefficient is not known."""
-        change = (self.softening_per_k or 0.0) * (temperature_c - USUAL_C)
-        if change <= -1.0:
+        """Return the law, known at 20 C, at a temperature in C; a coefficient that is not known counts as 0.
+
+        A body whose edges grow by s has 1/s of the slopes, s^3 of the volume and the same mass: on the nodes of the cold body
+        its stiffness is s times that of the constants, its mass is the same.
+        """
+        warmer = temperature_c - USUAL_C
+        stiffness, edges = (1.0 + (each or 0.0) * warmer for each in (self.softening_per_k, self.expansion_per_k))
+        if min(stiffness, edges) <= 0.0:
             raise GeometryError(f"material {self.name}: no stiffness is left at {temperature_c:g} C")
-        return replace(self.scaled(1.0 + change) if change else self, temperature_c=temperature_c)
+        factor = stiffness * edges
+        return replace(self.scaled(factor) if factor != 1.0 else self, temperature_c=temperature_c)
 
     def scaled(self, factor: float) -> Material:
         """Return the law with its stiffness multiplied by `factor`."""
@@ -433,6 +439,16 @@ class Layer(NamedTuple):
     thickness_m: float
 
 
+class Warming(NamedTuple):
+    """What one kelvin does to a free plate: mid-plane strains (3,) 1/K, curvatures (3,) 1/(m K), both over xx, yy, 2 xy, and
+    the stresses xx, yy, xy at each layer's two faces, (layers, 2, 3), Pa/K.
+    """
+
+    strain: FloatArray
+    curvature_per_m: FloatArray
+    stress_pa: FloatArray
+
+
 @dataclass(frozen=True)
 class Stack:
     """Layers bonded to one another, from the touch face z = 0 to the back."""
@@ -566,6 +582,28 @@ class Stack:
         """Bending stiffnesses over the curvatures xx, yy, 2 xy with no force in the plane, D - B A^-1 B, (3, 3), N m."""
         a, b, d = self._moments[0]
         return np.asarray(d - b @ np.linalg.solve(a, b))
+
+    @cached_property
+    def warming(self) -> Warming | None:
+        """Free expansion by laminate theory, far from edges; None where the expansion of a layer is not known.
+
+        s(z) = Q(z) (e + z k - a(z)) with int s dz = 0 and int s z dz = 0; its only layer expands without stress.
+        """
+        known = [material.expansion_per_k for material, _ in self.layers]
+        if any(each is None for each in known):
+            return None
+        free = np.outer(np.array(known, dtype=float), [1.0, 1.0, 0.0])
+        planes = np.array([material.plane_stress_pa for material, _ in self.layers])
+        z = self.levels_m - self.thickness_m / 2.0
+        force, moment = (np.einsum("l,lij,lj->i", np.diff(z**n) / n, planes, free) for n in (1, 2))
+        a, b, d = self._moments[0]
+        size = self.thickness_m  # forces and moments, strains and curvatures in like units
+        whole = np.block([[a, b / size], [b / size, d / size**2]])
+        strain, curvature = np.split(np.linalg.solve(whole, np.concatenate([force, moment / size])), 2)
+        curvature = curvature / size
+        faces = np.stack([z[:-1], z[1:]], axis=1)
+        own = strain + faces[:, :, None] * curvature - free[:, None, :]
+        return Warming(strain, curvature, np.einsum("lij,lfj->lfi", planes, own))
 
     @property
     def rotary_kg(self) -> float:

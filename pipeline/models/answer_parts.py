@@ -225,6 +225,29 @@ class BroadbandPoint(Passed):
     confinement_error_db: float | None = column("error bar of the confinement; " + UNKNOWN, "dB", default=None)
 
 
+class WarmPlate(Part):
+    """Target mode at a temperature; None where the plate has none."""
+
+    temperature_C: float = column("temperature", "C", along=())
+    frequency_hz: float | None = column("frequency of the target mode", "Hz", error="error", default=None)
+    error: float | None = column(BAR.format("frequency_hz, relative"), default=None)
+    confinement_db: float | None = column(CONFINEMENT, "dB", error="confinement_error_db", default=None)
+    confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB", default=None)
+    mac: float | None = column("modal assurance criterion with the target shape", default=None)
+    left_out: float | None = column(
+        "bound on what the stress and the bow of warm layers change of the frequency, relative; None where it is not known",
+        default=None,
+    )
+
+
+class LayerStress(Part):
+    """Stress of a layer of the free plate, at the face where it is larger."""
+
+    material: str = column("material of the layer")
+    along_Pa_per_K: float = column("stress along x per kelvin", "Pa/K")
+    across_Pa_per_K: float = column("stress along y per kelvin", "Pa/K")
+
+
 class DrivenZone(Part):
     """One zone driven at its own peak while the other zones' patches are held at 0 V; lists have one entry per zone."""
 

@@ -161,6 +161,13 @@ def material_loss(design: Design, quality: float | None) -> Simplification | Non
     return Simplification("material_loss", "loss factors of the materials", why)
 
 
+def alike_drift(design: Design) -> Simplification | None:
+    """Solve one temperature where all materials change alike: frequencies scale, shapes stay."""
+    if len({(material.softening_per_k, material.expansion_per_k) for material in design.materials}) > 1:
+        return None
+    return Simplification("alike_drift", "the plate at other temperatures", "all its materials change alike: it scales")
+
+
 def no_plate_modes() -> Simplification:
     """Leave out the finite plate's modes."""
     return Simplification("no_plate_modes", "modes of the plate", "no measure needs them")

@@ -19,7 +19,7 @@ INDEX = Path(__file__).with_name("index.json")
 # order in help and reference; unlisted questions follow
 IN_ORDER = (
     *("predesign", "modes", "bands", "attenuation", "broadband", "response", "tolerance", "touch", "hybrid", "travel"),
-    *("crosstalk", "search", "active", "active_dq"),
+    *("drift", "crosstalk", "search", "active", "active_dq"),
 )
 
 

@@ -306,7 +306,7 @@ class BlochPlate:
 def _translates(phases: ComplexArray, moved: FloatArray, mass: ComplexArray, waves: ComplexArray) -> BoolArray:
     """Which waves (dof, n) move the whole lattice as one along `moved` (dof, 3), (n,): they have no frequency.
 
-    A soft neck under a heavy body has elastic waves so slow that the rounding of the plate's stiffness is not small beside them.
+    A soft neck under a heavy body has elastic waves so slow that rounding of the plate's stiffness hides them.
     """
     if np.abs(phases - 1.0).max() > IN_PHASE:
         return np.zeros(waves.shape[1], dtype=bool)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,3 +62,25 @@ def test_a_stack_is_as_symmetric_as_its_layers_and_one_material_only_where_it_ha
         _ = PAIR.material
     assert PAIR.mean.density_kg_m3 == pytest.approx((7.85 + 5.4) / 3e-3)
     assert PAIR.mean.as_isotropic.shear_pa == pytest.approx((210e9 / 2.6 + 2.0 * 70e9 / 2.68) / 3.0)
+
+
+def test_a_warm_bimetal_bows_as_timoshenko_has_it_and_its_stresses_balance() -> None:
+    """Two layers of one Poisson's ratio: 6 (a2 - a1) (1 + m)^2 / (h (3 (1 + m)^2 + (1 + m n)(m^2 + 1/(m n))))."""
+    lower = replace(type(STEEL).isotropic("lower", 210e9, 7850.0, 0.30), expansion_per_k=12e-6)
+    upper = replace(type(STEEL).isotropic("upper", 70e9, 2700.0, 0.30), expansion_per_k=23e-6)
+    h1, h2 = 1e-3, 2e-3
+    warming = Stack((Layer(lower, h1), Layer(upper, h2))).warming
+    assert warming is not None
+    m, n = h1 / h2, 3.0
+    bow = 6.0 * 11e-6 * (1.0 + m) ** 2 / ((h1 + h2) * (3.0 * (1.0 + m) ** 2 + (1.0 + m * n) * (m**2 + 1.0 / (m * n))))
+    assert warming.curvature_per_m == pytest.approx([bow, bow, 0.0], rel=1e-12, abs=1e-15)
+    means = warming.stress_pa.mean(axis=1)
+    assert h1 * means[0] + h2 * means[1] == pytest.approx(np.zeros(3), abs=1e-9 * np.abs(warming.stress_pa).max())
+
+
+def test_one_layer_expands_without_stress_and_an_unknown_expansion_is_not_none() -> None:
+    alone = Stack.of(2e-3, ALUMINIUM).warming
+    assert alone is not None and alone.strain == pytest.approx([23e-6, 23e-6, 0.0])
+    assert np.abs(alone.stress_pa).max() < 1e-6 * 70e9 * 23e-6
+    unknown = replace(ALUMINIUM, expansion_per_k=None)
+    assert Stack((Layer(STEEL, 1e-3), Layer(unknown, 2e-3))).warming is None

@@ -37,6 +37,7 @@ ASKED: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {  # case, its ov
         {"accuracy": 0.1, "tolerance__height_mm": 0.05},
         {"band_kHz": (30.0, 40.0), "samples": 2},
     ),
+    "drift": (SMALL, {"accuracy": 0.1}, {"points": 3}),
     "crosstalk": ("examples/small-zones.toml", {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
     "hybrid": (
         SMALL,
