@@ -22,6 +22,7 @@ EXCHANGED = [1, 0, 2, 4, 3, 5]  # strains with x and y exchanged
 SAME = 1e-9  # relative to the largest stiffness
 ROUNDING = 1e-14  # relative: a stiffness below it is what a turn by a right angle leaves of zero
 LAWS = ("young_GPa", "cubic_GPa", "orthotropic", "C_GPa")  # keys of a law in a table of a material
+SPECTRUM = "young_GPa_at"  # key of an isotropic law that depends on the frequency
 PER_LAYER = 8  # elements of a layer whose shear resonance is sought: then to 1e-5 of it
 QUADRATIC_STIFFNESS = np.array([[7.0, -8.0, 1.0], [-8.0, 16.0, -8.0], [1.0, -8.0, 7.0]])
 QUADRATIC_MASS = np.array([[4.0, 2.0, -1.0], [2.0, 16.0, 2.0], [-1.0, 2.0, 4.0]])
@@ -70,6 +71,9 @@ class Rod(NamedTuple):
 class Material:
     """A linear elastic law with its density, axes along x, y, z.
 
+    spectrum: frequency in Hz, Young's modulus at 20 C in Pa and loss factor in rising order, of a law that depends on the
+    frequency; it is then the law at taken_hz.
+
     stiffness_pa: over the strains xx, yy, zz, yz, xz, xy (engineering shear). constants: those of an isotropic law, which
     `isotropic` makes; None for any other. loss_factor, softening_per_k (of all stiffnesses alike, relative to 20 C) and
     expansion_per_k: None where they are not known. Raises GeometryError unless the density and all eigenvalues are above 0.
@@ -84,6 +88,8 @@ class Material:
     softening_per_k: float | None = None
     expansion_per_k: float | None = None
     temperature_c: float = USUAL_C
+    spectrum: tuple[tuple[float, float, float], ...] = ()
+    taken_hz: float | None = None
 
     def __post_init__(self) -> None:
         c = np.array(self.stiffness_pa)
@@ -116,6 +122,10 @@ class Material:
     def of_table(cls, name: str, table: Mapping[str, Any]) -> Material:
         """A material by the keys of a case file. GeometryError with the key of a constant that no solid can have."""
         density, source = float(table["density_kg_m3"]), table.get("source", "given in the case file")
+        if table.get(SPECTRUM) is not None:
+            rows = tuple((float(hz), GPA * young, float(loss)) for hz, young, loss in table[SPECTRUM])
+            own = cls.isotropic(name, rows[0][1], density, float(table["poisson"]), source)
+            return replace(own, **_known(table), spectrum=rows).at_hz(sqrt(rows[0][0] * rows[-1][0]))
         if table.get("young_GPa") is not None:
             own = cls.isotropic(name, GPA * table["young_GPa"], density, float(table["poisson"]), source)
         else:
@@ -128,8 +138,7 @@ class Material:
             }
             stiffness = made[key](law)
             own = cls.anisotropic(name, GPA * stiffness, density, source).turned(table.get("axes_deg"))
-        more = {"loss_factor": "loss_factor", "dE_dT_per_K": "softening_per_k", "expansion_per_K": "expansion_per_k"}
-        return replace(own, **{field: table[key] for key, field in more.items() if table.get(key) is not None})
+        return replace(own, **_known(table))
 
     def turned(self, axes_deg: tuple[float, float, float] | None) -> Material:
         """Return the law with its own axes turned by Bunge's angles: about z, about the new x, about the new z, deg.
@@ -157,6 +166,27 @@ class Material:
             raise GeometryError(f"material {self.name}: no stiffness is left at {temperature_c:g} C")
         factor = stiffness * edges
         return replace(self.scaled(factor) if factor != 1.0 else self, temperature_c=temperature_c)
+
+    def at_hz(self, frequency_hz: float) -> Material:
+        """Return the law at a frequency in Hz; itself where it does not depend on it.
+
+        log E and the loss factor are linear in log f between the rows of the spectrum, and constant beyond its ends.
+        """
+        if not self.spectrum:
+            return self
+        young, loss = self._at_hz(frequency_hz)
+        before = self._at_hz(self.taken_hz)[0] if self.taken_hz else self.spectrum[0][1]
+        return replace(self.scaled(young / before), loss_factor=loss, taken_hz=frequency_hz)
+
+    def stiffening(self, frequency_hz: float) -> float:
+        """Return its modulus at a frequency in Hz over that of the law as it is, dimensionless."""
+        return self._at_hz(frequency_hz)[0] / self._at_hz(self.taken_hz)[0] if self.taken_hz else 1.0
+
+    def _at_hz(self, frequency_hz: float) -> tuple[float, float]:
+        """Young's modulus at 20 C, Pa, and loss factor of the spectrum."""
+        tones, young, loss = np.array(self.spectrum).T
+        at = np.log(frequency_hz)
+        return float(np.exp(np.interp(at, np.log(tones), np.log(young)))), float(np.interp(at, np.log(tones), loss))
 
     def scaled(self, factor: float) -> Material:
         """Return the law with its stiffness multiplied by `factor`."""
@@ -197,6 +227,8 @@ class Material:
         known = {key: value for key, value in more.items() if value is not None}
         if self.temperature_c != USUAL_C:
             known["temperature_c"] = self.temperature_c
+        if self.spectrum:
+            known |= {"spectrum": self.spectrum, "taken_hz": self.taken_hz}
         return {"name": self.name, **law, "density_kg_m3": self.density_kg_m3, **known}
 
     @property
@@ -294,6 +326,12 @@ def _of_21(rows: list[list[float]]) -> FloatArray:
     if least <= 0.0:
         raise GeometryError(f"C_GPa: must be positive definite; its smallest eigenvalue is {least:.3g} GPa")
     return c
+
+
+def _known(table: Mapping[str, Any]) -> dict[str, Any]:
+    """What a table of a material states of it next to its law and density, by the fields of a material."""
+    keys = {"loss_factor": "loss_factor", "dE_dT_per_K": "softening_per_k", "expansion_per_K": "expansion_per_k"}
+    return {field: table[key] for key, field in keys.items() if table.get(key) is not None}
 
 
 def _rows_of(matrix: FloatArray) -> Stiffness:

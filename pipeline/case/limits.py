@@ -28,6 +28,7 @@ POISSON_MARGIN = 1e-6
 POISSON_RATIO: Range = (-100.0, 100.0)
 """Of an orthotropic law each is limited by the ratio of two moduli alone."""
 LOSS_FACTOR: Range = (0.0, 10.0)
+MAX_SPECTRUM = 200  # rows of a modulus over frequency
 """Imaginary over real part of a modulus: rubber at its glass transition reaches 2 or 3."""
 PER_KELVIN: Range = (-0.1, 0.1)
 """Relative change of a modulus per kelvin: near its glass transition a polymer loses some percent per kelvin."""
@@ -168,7 +169,15 @@ def parse_band(text: str, what: str = "band") -> tuple[float, float]:
 
 
 def _doubt(material: Material) -> list[str]:
-    return [*_implausible(material), *_at_another_temperature(material)]
+    return [*_implausible(material), *_at_another_temperature(material), *_beyond_its_spectrum(material)]
+
+
+def _beyond_its_spectrum(material: Material) -> list[str]:
+    tone = material.taken_hz
+    if tone is None or material.spectrum[0][0] <= tone <= material.spectrum[-1][0]:
+        return []
+    ends = f"{figure(material.spectrum[0][0])} to {figure(material.spectrum[-1][0])} Hz"
+    return [f"{material.name}: young_GPa_at holds from {ends}: at {figure(tone)} Hz its nearest end is taken"]
 
 
 def _at_another_temperature(material: Material) -> list[str]:

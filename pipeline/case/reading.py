@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
-from itertools import chain, islice
+from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -20,7 +20,7 @@ from pydantic.fields import FieldInfo
 from geometry.errors import GeometryError
 from geometry.files import read_by_command
 from geometry.layout import MAX_SECTIONS, Design
-from geometry.materials import LAWS, LIBRARY, MATERIALS, USUAL_C, Material
+from geometry.materials import LAWS, LIBRARY, MATERIALS, SPECTRUM, USUAL_C, Material
 from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline import paths
 from pipeline.case.checks import (
@@ -31,7 +31,7 @@ from pipeline.case.checks import (
     check_zones,
     normalise_pitch,
 )
-from pipeline.case.limits import MAX_CONTRAST, MAX_LAYERS, MIN_LAYER
+from pipeline.case.limits import FREQUENCY_KHZ, LOSS_FACTOR, MAX_CONTRAST, MAX_LAYERS, MIN_LAYER, YOUNG_GPA, span
 from pipeline.case.schema import (
     GLUE_ALLOWED,
     LAYERS_ALLOWED,
@@ -50,7 +50,7 @@ from pipeline.case.schema import (
     known_keys,
 )
 from pipeline.errors import InputError, reason
-from pipeline.quantity import GPA, MM
+from pipeline.quantity import GPA, KHZ, MM
 
 Checked = TypeVar("Checked", bound=BaseModel)
 FIRST_LAYER, SECTION = "plate.layer.0", "pillar.section"
@@ -427,6 +427,7 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
     for owner in MATERIAL_OWNERS:
         _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, diagnostics, bool(layers))
     _check_contrast(materials, diagnostics)
+    _tune(materials, found, faulty)
     _warm(materials, found, faulty, diagnostics)
     name = _read_name(raw, source, diagnostics)
     tables = Tables.of(found, faulty)
@@ -679,7 +680,7 @@ def _read_material(
                 materials[owner] = Material.of_table("given", value)
             except GeometryError as error:
                 name, _, what = str(error).partition(": ")
-                law = next(law for law in LAWS if law in value)
+                law = next(law for law in (*LAWS, SPECTRUM) if law in value)
                 named_by_law = (
                     name.partition(".")[0] == law
                 )  # else it is the material's own check that rounding has failed
@@ -698,6 +699,9 @@ def _has_materials(pillar: Any) -> bool:
 def _check_law(value: dict[str, Any], key: str, diagnostics: Diagnostics) -> None:
     """Report a table of a material that has no law, or several, and keys that its law does not take."""
     laws = [law for law in LAWS if law in value]
+    if SPECTRUM in value:
+        _check_spectrum(value, key, diagnostics)
+        laws = ["young_GPa", *(law for law in laws if law != "young_GPa")]
     if not laws:
         others = ", ".join(LAWS[1:])
         diagnostics.missing(f"{key}.young_GPa", f"must be given with poisson, or one of {others} in its place")
@@ -710,6 +714,38 @@ def _check_law(value: dict[str, Any], key: str, diagnostics: Diagnostics) -> Non
         diagnostics.add(f"{key}.poisson", value["poisson"], f"must be left out with {laws[0]}")
     if laws[:1] == ["young_GPa"] and "axes_deg" in value:
         diagnostics.add(f"{key}.axes_deg", value["axes_deg"], "must be left out of an isotropic law, which has no axes")
+
+
+def _check_spectrum(value: dict[str, Any], key: str, diagnostics: Diagnostics) -> None:
+    """Report a modulus over frequency whose rows do not rise, or that contradicts a single modulus or loss factor."""
+    rows, young = value[SPECTRUM], value.get("young_GPa")
+    if not any(fault.startswith(f"{key}.{SPECTRUM}") for fault in diagnostics.keys):
+        tones = [row[0] for row in rows]
+        bounds = ((KHZ * FREQUENCY_KHZ[0], KHZ * FREQUENCY_KHZ[1]), YOUNG_GPA, LOSS_FACTOR)
+        for row in rows:
+            if not all(low <= number <= high for number, (low, high) in zip(row, bounds, strict=True)):
+                allowed = ", ".join(
+                    f"{what} {span(each)}" for what, each in zip(("Hz", "GPa", "loss"), bounds, strict=True)
+                )
+                diagnostics.add(f"{key}.{SPECTRUM}", row, f"must be {allowed}")
+        if any(low >= high for low, high in pairwise(tones)):
+            diagnostics.add(f"{key}.{SPECTRUM}", tones, "must be rows in order of rising frequency")
+        low, high = min(row[1] for row in rows), max(row[1] for row in rows)
+        if isinstance(young, int | float) and not low <= young <= high:
+            diagnostics.add(
+                f"{key}.young_GPa", young, f"must lie within {SPECTRUM}, {low:g} to {high:g}, or be left out"
+            )
+    if "loss_factor" in value:
+        diagnostics.add(
+            f"{key}.loss_factor", value["loss_factor"], f"must be left out: the rows of {SPECTRUM} have their own"
+        )
+
+
+def _tune(materials: dict[str, Material], found: dict[str, Table], faulty: set[str]) -> None:
+    """Bring the materials to the frequency at which the case takes its moduli, if it gives one."""
+    tone = getattr(found.get("solve"), "moduli_hz", None)
+    if tone is not None and "solve.moduli_kHz" not in faulty:
+        materials |= {owner: material.at_hz(tone) for owner, material in materials.items()}
 
 
 def _warm(materials: dict[str, Material], found: dict[str, Table], faulty: set[str], diagnostics: Diagnostics) -> None:

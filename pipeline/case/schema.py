@@ -101,6 +101,9 @@ OrthotropicTable: type[Table] = create_model(
 )
 
 
+SpectrumRow = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
 class MaterialTable(Table):
     density_kg_m3: float = positive(limits.DENSITY_KG_M3)
     young_GPa: float | None = optional(limits.YOUNG_GPA)
@@ -116,6 +119,10 @@ class MaterialTable(Table):
     )
     C_GPa: Annotated[list[Six], Field(min_length=6, max_length=6)] | None = Field(
         default=None, description="six rows of six numbers in GPa, over xx, yy, zz, yz, xz, xy"
+    )
+    young_GPa_at: Annotated[list[SpectrumRow], Field(min_length=2, max_length=limits.MAX_SPECTRUM)] | None = Field(
+        default=None,
+        description=f"2 to {limits.MAX_SPECTRUM} rows [Hz, GPa, loss factor] in order of rising frequency",
     )
     axes_deg: Annotated[list[Angle], Field(min_length=3, max_length=3)] | None = Field(
         default=None,
@@ -196,6 +203,7 @@ class SolveTable(Table):
     model: Literal["auto", "analytic", "superelement", "solid"] = "auto"
     mesh: Literal["auto", "hex", "tet"] = "auto"
     temperature_C: float = either(limits.TEMPERATURE_C, default=USUAL_C)
+    moduli_kHz: float | None = optional(limits.FREQUENCY_KHZ)
 
     @property
     def band_hz(self) -> tuple[float, float] | None:
@@ -206,6 +214,11 @@ class SolveTable(Table):
     def near_hz(self) -> float | None:
         """Frequency near which modes are computed, Hz."""
         return None if self.near_kHz is None else KHZ * self.near_kHz
+
+    @property
+    def moduli_hz(self) -> float | None:
+        """Frequency at which moduli are taken, Hz; None for that of each figure."""
+        return None if self.moduli_kHz is None else KHZ * self.moduli_kHz
 
 
 def text(allowed: str, **limits: Any) -> Any:
@@ -460,7 +473,8 @@ class Array(TypedDict, total=False):
 
 
 class Solve(TypedDict, total=False):
-    """Requested modes and accuracy: band_kHz, or near_kHz with count; accuracy (relative), model, mesh, temperature_C.
+    """Requested modes and accuracy: band_kHz, or near_kHz with count; accuracy (relative), model, mesh, temperature_C,
+    moduli_kHz.
 
     >>> from antinode import Solve
     >>> Solve(band_kHz=(30.0, 34.0), accuracy=0.003)["band_kHz"]
@@ -474,6 +488,7 @@ class Solve(TypedDict, total=False):
     model: Literal["auto", "analytic", "superelement", "solid"]
     mesh: Literal["auto", "hex", "tet"]
     temperature_C: float
+    moduli_kHz: float
 
 
 class BandPath(TypedDict, total=False):

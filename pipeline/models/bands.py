@@ -16,7 +16,9 @@ from geometry.layout import Design
 from geometry.tiling import row_panels
 from pipeline.case.model import Case
 from pipeline.logs import Log
+from pipeline.models import own_frequency
 from pipeline.models.cell_cache import CellCache
+from pipeline.models.own_frequency import OwnFrequency
 from pipeline.models.parts import mesh_record
 from pipeline.models.unit_cell import Bar, LatticeModel, WholeCell, lattice_model
 from pipeline.planning import refinement, resource_estimate, simplifications
@@ -99,14 +101,16 @@ def nearest_error(frequencies_hz: FloatArray, errors: FloatArray, edge_hz: float
     return None if np.isnan(error) else error
 
 
-def widest(path: Path, by_mesh: FloatArray, truncated: FloatArray) -> WidestBar:
+def widest(path: Path, by_mesh: FloatArray, truncated: FloatArray, moduli: FloatArray | None = None) -> WidestBar:
     """Find the largest error bar of the bands (wavevectors, bands) along a path."""
-    total = by_mesh + truncated
+    total = by_mesh + truncated + (0.0 if moduli is None else moduli)
     if not total.size or np.isnan(total).any():
         return WidestBar(None)
     point, band = (int(index) for index in np.unravel_index(np.argmax(total), total.shape))
     where = path.labels[point] or "k = ({}, {}) rad/m".format(*map(figure, path.wavevectors[point]))
     parts = {"mesh": float(by_mesh[point, band]), "truncation": float(truncated[point, band])}
+    if moduli is not None and moduli.any():
+        parts["moduli"] = float(moduli[point, band])
     return WidestBar(float(total[point, band]), f"band {band + 1} at {where}", parts)
 
 
@@ -132,6 +136,7 @@ MOVED = 1e-6  # relative change that shows that an edge of the zone's gap lies o
 MAX_RAISES = 4  # most increases of a reduction's degrees
 MAX_POINTS = 500
 MAX_BANDS = 12
+SLOWEST = 0.05  # of the highest frequency of bands: slower waves do not decide at which the moduli are taken
 
 
 @dataclass(frozen=True)
@@ -188,6 +193,7 @@ class SolvedBands:
     lattice: LatticeModel | None = None  # of a reduced cell
     mesh_errors: MeshErrors | None = None
     truncated: FloatArray | float = 0.0
+    moduli: FloatArray | float = 0.0  # relative, by moduli that depend on the frequency
 
     @property
     def by_mesh(self) -> FloatArray:
@@ -196,8 +202,8 @@ class SolvedBands:
 
     @property
     def error(self) -> FloatArray:
-        """Relative error of each frequency from discretisation and truncation; NaN without an estimate."""
-        return self.by_mesh + self.truncated
+        """Relative error of each frequency from discretisation, truncation and moduli; NaN without an estimate."""
+        return self.by_mesh + self.truncated + self.moduli
 
     @property
     def computed_hz(self) -> FloatArray:
@@ -222,8 +228,27 @@ class SolvedBands:
     @property
     def widest_bar(self) -> WidestBar:
         """Largest error bar of all bands along the path."""
-        truncated = np.broadcast_to(self.truncated, self.frequencies_hz.shape)
-        return widest(self.path, self.by_mesh, truncated)
+        truncated, moduli = (np.broadcast_to(each, self.frequencies_hz.shape) for each in (self.truncated, self.moduli))
+        return widest(self.path, self.by_mesh, truncated, moduli)
+
+    def at_own_frequencies(self, own: OwnFrequency) -> SolvedBands:
+        """Return the bands with the moduli at the frequency of each wave: gaps stay gaps, because waves keep their order."""
+        middle, half = own.centred(self.frequencies_hz.ravel())
+
+        def moved(gaps: Sequence[Any]) -> list[Any]:
+            edges = [own.centred(np.array([gap.lower_hz, gap.upper_hz]))[0].tolist() for gap in gaps]
+            return [replace(gap, lower_hz=low, upper_hz=high) for gap, (low, high) in zip(gaps, edges, strict=True)]
+
+        detail = self.detail
+        if detail:
+            slope = own.slope(self.frequencies_hz.ravel()).reshape(*self.frequencies_hz.shape, 1)
+            more: dict[str, Any] = {name: moved(gaps) for name, gaps in detail.gaps.items()}
+            detail = replace(detail, velocity=detail.velocity * slope, **more)
+        return replace(
+            self, frequencies_hz=middle.reshape(self.frequencies_hz.shape), gaps=moved(self.gaps), detail=detail,
+            zone_gaps=None if self.zone_gaps is None else moved(self.zone_gaps),
+            moduli=half.reshape(self.frequencies_hz.shape),
+        )  # fmt: skip
 
 
 def _pair(pair: FloatArray) -> list[float] | None:
@@ -251,10 +276,13 @@ def solve_bands(
     """
     design, settings = case.design, case.bands
     path = case.path(settings.points)
-    if choice.model == SOLID or design.stagger:
-        bands = _sampled(case, choice, path, log)
-    else:
-        bands = _reduced(case, choice, path, log, shapes, every_gap)
+
+    def solved(case: Case) -> SolvedBands:
+        if choice.model == SOLID or design.stagger:
+            return _sampled(case, choice, path, log)
+        return _reduced(case, choice, path, log, shapes, every_gap)
+
+    bands = _at_own_frequencies(case, solved, log) if own_frequency.is_open(case, "cell") else solved(case)
     if bands.gaps and not (simplifications.off_path(design, settings.path, settings.grid) or settings.grid):
         log.warning(
             "PATH",
@@ -265,6 +293,18 @@ def solve_bands(
     log.info(bands.widest_bar.text())
     bands.widest_bar.warn(case, log)
     return replace(bands, expected_error=largest(bands.by_mesh))
+
+
+def _at_own_frequencies(case: Case, solve: Callable[[Case], SolvedBands], log: Log) -> SolvedBands:
+    """Solve bands with the moduli at their middle frequency, and enclose each wave with those at its own."""
+    bands, own = solve(case), own_frequency.of_part(case, "cell")
+    middle, half = own.centred(bands.frequencies_hz.ravel())
+    if half.any():
+        tone = float(np.sqrt(middle[middle > SLOWEST * middle.max()].min() * middle.max()))
+        log.info(f"moduli depend on the frequency: solved again with those at {frequency(tone)}")
+        tuned = own_frequency.taken_at(case, tone)
+        bands, own = solve(tuned), own_frequency.of_part(tuned, "cell")
+    return bands.at_own_frequencies(own)
 
 
 def row_cell(design: Design, reduction: ReductionSettings, lossy: bool = False) -> Periodic:

@@ -16,7 +16,7 @@ from pipeline.case.limits import short_wave
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models import parts
+from pipeline.models import own_frequency, parts
 from pipeline.models.answer_parts import CountRecord, TargetRecord
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
 from pipeline.models.target import ModeRow, Target, look, look_about, look_among, mode_rows, verdict_text
@@ -70,6 +70,7 @@ from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
 
 __all__ = ["DEFAULT_COUNT", "Expected", "PartModes", "Request", "solve_modes", "with_defaults"]
+TUNINGS = 6  # most solutions for moduli that depend on the frequency
 DEEPER = 3  # most refinements of a reduction: all but the first raise the degree through the thickness
 ROUNDING = 1e-9  # relative
 SHARES = 2.0
@@ -199,6 +200,8 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
     InputError
         For a symmetry class that the part does not have.
     """
+    if own_frequency.is_open(case, request.part):
+        return _at_own_frequencies(case, request, log, choice)
     query = with_defaults(case, request)
     if choice is None:
         choice = model_choice_of(case, query.part, model_high_hz(case, query))
@@ -240,6 +243,37 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
         reduction_error=estimate.worst if estimate else None,
         expected_error=expected,
     )
+
+
+def _at_own_frequencies(case: Case, request: Request, log: Log, choice: ModelChoice | None) -> PartModes:
+    """Solve modes with the moduli at the frequency of the target mode, or of the middle one, and enclose the others."""
+    query, first = with_defaults(case, request), own_frequency.of_part(case, request.part)
+    tone = next(each.taken_hz for each in first.materials if each.taken_hz is not None)
+    tone = float(np.mean(query.band_hz)) if query.band_hz else query.near_hz or tone
+    for _ in range(TUNINGS):
+        tuned = own_frequency.taken_at(case, tone)
+        solved, own = solve_modes(tuned, request, log, choice), own_frequency.of_part(tuned, request.part)
+        row = solved.target_row or (solved.rows[len(solved.rows) // 2] if solved.rows else None)
+        found = float(own.centred(np.array([row.frequency_hz]))[0][0]) if row else tone
+        if own.stiffer(found) <= own_frequency.SETTLED:
+            break
+        log.info(f"moduli at {frequency(tone)} give a mode at {frequency(found)}: solved again with those there")
+        tone = found
+    return solved.each(lambda row: _own(row, own))
+
+
+def _own(row: ModeRow, own: own_frequency.OwnFrequency) -> ModeRow:
+    """A mode with the moduli at its own frequency; its bar holds what they leave open."""
+    (middle,), (half,) = (each.tolist() for each in own.centred(np.array([row.frequency_hz])))
+    changed: dict[str, Any] = {"frequency_hz": middle}
+    if row.computed_hz is not None:
+        changed["computed_hz"] = middle / row.frequency_hz * row.computed_hz
+    if row.error is not None and half > 0.0:
+        changed |= {"error": row.error + half, "error_parts": row.error_parts | {"moduli": half}}
+    if row.quality_factor is not None and row.quality_error is not None:
+        wider = row.quality_error + row.quality_factor * (own.lossier(middle) + own.stiffer(middle))
+        changed["quality_error"] = wider if wider < row.quality_factor else None
+    return replace(row, **changed)
 
 
 def _is_deeper(finer: ModelChoice, choice: ModelChoice) -> bool:

@@ -371,7 +371,12 @@ def plan_of_cell(case: Case, step: Step) -> Plan:
     return plans.plan_of(case, step, simplifications.no_plate_modes(), given, simplifications.no_figures())
 
 
-class Bands(Question[BandsResult], needs=("plate", "array.pitch_mm"), pictures=("report.gallery.dispersion",)):
+class Bands(
+    Question[BandsResult],
+    needs=("plate", "array.pitch_mm"),
+    pictures=("report.gallery.dispersion",),
+    at_own_frequencies=True,
+):
     """Compute Bloch bands and gaps of the unit cell along the case's path.
 
     >>> import antinode

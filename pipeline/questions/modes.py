@@ -252,6 +252,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
 class Modes(
     Question[ModesResult],
     example="modes studies/three-rows.toml --part zone --count 14",
+    at_own_frequencies=True,
     aliases=("confinement",),
     pictures=("plots.rendering.report_figures", "plots.fields.touch_face", "plots.fields.neighbours"),
 ):
@@ -365,7 +366,7 @@ class Shapes(Question[ShapesResult], follows="modes"):
         return ShapesResult(**mode_fields.shapes(solved, case.design))
 
 
-class ZoneModes(Question[ModesResult], in_studies_only=True, aliases=("parts",)):
+class ZoneModes(Question[ModesResult], in_studies_only=True, aliases=("parts",), at_own_frequencies=True):
     """Compute the modes of the isolated zone, to compare with the pre-design."""
 
     asked: ClassVar[dict[str, Any]] = {"part": "zone"}

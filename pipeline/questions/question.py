@@ -196,6 +196,7 @@ class Question(Declared, Generic[R]):
     # functions that draw a study's case from several answers, in place of the result's own
     pictures: ClassVar[Axis] = ()
     step: ClassVar[tuple[str, str]] = ("", "")  # for a plan of one step: what is computed, and by which model
+    at_own_frequencies: ClassVar[bool] = False  # whether it takes moduli at the frequency of each figure
     is_quick: ClassVar[bool] = False  # whether a formula answers it, without a plan or a solver
     is_measure: ClassVar[bool] = True  # whether studies ask each case, with default options
     in_studies_only: ClassVar[bool] = False  # whether it has no command and no method
@@ -339,6 +340,11 @@ def ask(case: Case | None, question: Question[R], log: Log | Run) -> R:
     about: Any = case and question.asked_of(case)
     question.check(about)
     before = len(run.warnings)
+    if about and not question.at_own_frequencies and about.solve.moduli_kHz is None:
+        for material in about.design.materials:
+            if material.spectrum:
+                taken = f"its moduli are those at {material.taken_hz:g} Hz: solve.moduli_kHz sets another frequency"
+                run.warning("MODULI", f"{material.name}: {taken}")
     plan = NO_PLAN if question.is_quick else question.plan(about)
     if plan:
         announce(plan, run)

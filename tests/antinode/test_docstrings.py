@@ -29,7 +29,7 @@ SLOW = {  # a second and more, run by `make slow`
     "antinode.sweeps.sweep",
     *(f"antinode.plate.Plate.{name}"
       for name in ("explore",)),
-    *(f"pipeline.questions.{name.lower()}.{name}" for name in ("Crosstalk", "Hybrid", "Touch", "Travel")),
+    *(f"pipeline.questions.{name.lower()}.{name}" for name in ("Crosstalk", "Drift", "Hybrid", "Touch", "Travel")),
     *(f"pipeline.questions.active.Active{name}" for name in ("Beam", "Shaping")),
     "pipeline.questions.tolerance.Tolerance",
     "pipeline.questions.tolerance.AlikeTolerance",

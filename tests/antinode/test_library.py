@@ -29,6 +29,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SMALL = ROOT / "examples" / "small.toml"
 NAMES = [
     "Air", "AntinodeWarning", "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Crosstalk",
+    "Drift",
     "Damping", "Finger", "Hybrid", "InputError", "Mode",
     "Modes", "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Section", "Solve", "SolverError",
     "SweepTable", "Tolerance", "Touch", "Travel", "Target", "Zone", "__version__", "load", "open", "sweep",

@@ -28,6 +28,7 @@ GOOD = {
     "synthetic_response": 'noisy: list[float] = plate.synthetic_response(synthetic_data="made").frequency_hz',
     "tolerance": "worst: float | None = plate.tolerance(samples=3).samples[0].confinement_db",
     "alike_tolerance": "alike: int = plate.alike_tolerance(seed=2).lost",
+    "drift": "slope: float | None = plate.drift(10.0, points=3).drift_hz_per_K",
     "crosstalk": "levels: list[float] = plate.crosstalk((30.0, 34.0), points=5).zones[0].level_db",
     "active_mason": "confined: float = plate.active_mason(frequency_kHz=20.0).confinement_db['filtered']",
     "active_pillar": "stopped: float = plate.active_pillar(cell=False).stopped_hz",
