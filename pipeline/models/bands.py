@@ -37,9 +37,11 @@ from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
 from solvers.accuracy.mesh import largest
 from solvers.accuracy.reduction import MeshErrors, ModeErrors, mesh_error, truncation_bars, waves_of
+from solvers.measures.loss import quality_and_bar
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import ReductionSettings
-from solvers.superelement.lattice import Periodic, ReducedLattice
+from solvers.superelement.lattice import Periodic, ReducedLattice, Waves, times
+from solvers.superelement.plate import loss_of
 from solvers.threads import one_thread
 from solvers.waves.branches import Branches, Label, Mirrors, Solved, follow
 from solvers.waves.gaps import (
@@ -136,6 +138,7 @@ MOVED = 1e-6  # relative change that shows that an edge of the zone's gap lies o
 MAX_RAISES = 4  # most increases of a reduction's degrees
 MAX_POINTS = 500
 MAX_BANDS = 12
+QUALITY = "quality_factor", "quality_error"
 SLOWEST = 0.05  # of the highest frequency of bands: slower waves do not decide at which the moduli are taken
 
 
@@ -144,7 +147,7 @@ class Detail:
     """Results of the reduced cell other than frequencies: one row per wavevector, one column per band.
 
     labels and parity are lists of rows, branch (n, bands) counts from 1, velocity (n, bands, 2) is in m/s (NaN for still
-    waves).
+    waves). quality: quality factors and their half-widths, (2, n, bands), NaN where there is none; None without loss.
     """
 
     labels: list[list[Label]]
@@ -154,6 +157,7 @@ class Detail:
     directional_gaps: list[DirectionalGap] | None
     polarisation_gaps: list[PolarisationGap] | None
     reduction_error: float
+    quality: FloatArray | None = None
 
     def point(self, index: int) -> dict[str, Any]:
         """Return the fields of one wavevector."""
@@ -163,7 +167,7 @@ class Detail:
             "parity": self.parity[index],
             "branch": [int(number) for number in self.branch[index]],
             "group_velocity_m_s": [_pair(pair) for pair in self.velocity[index]],
-        }
+        } | ({} if self.quality is None else dict(zip(QUALITY, map(_known, self.quality[:, index]), strict=True)))
 
     @property
     def gaps(self) -> dict[str, Any]:
@@ -225,6 +229,15 @@ class SolvedBands:
             found["zone_gaps"] = self.zone_gaps
         return {kind: with_edges(gaps, self.path, self.frequencies_hz, self.error) for kind, gaps in found.items()}
 
+    def _quality(self, own: OwnFrequency, tones: FloatArray) -> FloatArray | None:
+        """Quality factors whose bars hold what loss and moduli change to their own frequencies, Hz."""
+        known = self.detail.quality if self.detail else None
+        if known is None:
+            return None
+        change = np.array([own.lossier(tone) + own.stiffer(tone) if tone else 0.0 for tone in tones.tolist()])
+        half = known[1] + known[0] * change.reshape(known[0].shape)
+        return np.array([known[0], np.where(half < known[0], half, np.nan)])
+
     @property
     def widest_bar(self) -> WidestBar:
         """Largest error bar of all bands along the path."""
@@ -243,12 +256,16 @@ class SolvedBands:
         if detail:
             slope = own.slope(self.frequencies_hz.ravel()).reshape(*self.frequencies_hz.shape, 1)
             more: dict[str, Any] = {name: moved(gaps) for name, gaps in detail.gaps.items()}
-            detail = replace(detail, velocity=detail.velocity * slope, **more)
+            detail = replace(detail, velocity=detail.velocity * slope, quality=self._quality(own, middle), **more)
         return replace(
             self, frequencies_hz=middle.reshape(self.frequencies_hz.shape), gaps=moved(self.gaps), detail=detail,
             zone_gaps=None if self.zone_gaps is None else moved(self.zone_gaps),
             moduli=half.reshape(self.frequencies_hz.shape),
         )  # fmt: skip
+
+
+def _known(values: FloatArray) -> list[float | None]:
+    return [None if np.isnan(value) else float(value) for value in values]
 
 
 def _pair(pair: FloatArray) -> list[float] | None:
@@ -365,7 +382,9 @@ def _sampled(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBan
     """Solve a cell that gives frequencies only; gaps are searched between the samples, too."""
     choice, cell, _ = sampled_cell(case, choice, path, log)
     meshes = [mesh_record("cell", cell.mesh)] if isinstance(cell, WholeCell) else []
-    log.left_out("polarisation, branches and group velocity", "this model of the cell gives frequencies only")
+    log.left_out(
+        "polarisation, branches, group velocity and quality factors", "this model of the cell gives frequencies only"
+    )
     with log.step(f"{len(path.wavevectors)} wavevectors"):
         rows, estimates = _each_once(path.wavevectors, case.bands.count, _solver(cell))
     frequencies = partial(cell.frequencies, count=case.bands.count)
@@ -421,10 +440,38 @@ def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool
     moved = wave_shapes(model.lattice, path, count) if shapes else {}
     estimates = [mesh_error(model.lattice.cell, each) for each in branches.waves[::factor]]
     errors = MeshErrors(*(np.array([getattr(e, name)[:count] for e in estimates]) for name in ("taken", "half_width")))
-    return SolvedBands(
+    bands = SolvedBands(
         model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone, moved, lattice=model, mesh_errors=errors,
         truncated=truncated,
     )  # fmt: skip
+    if not case.is_lossy:
+        return bands
+    quality = _quality(case, model.lattice, branches.waves[::factor], bands.error)
+    return replace(bands, detail=replace(detail, quality=quality))
+
+
+def _quality(case: Case, lattice: ReducedLattice, waves: Sequence[Waves], error: FloatArray) -> FloatArray:
+    """Quality factors of the waves by where their strain energy sits, and their half-widths, (2, n, bands).
+
+    Discarded modes hold a share s of the energy, by which they soften a wave, and take part in it orthogonally: what the
+    materials' loss factors differ by changes the loss of the wave by at most that times s^(1/2) + s.
+    """
+    known = [material.lost for material in case.design.materials]
+    most, least, loss, count = max(known), min(known), loss_of(lattice.cell), error.shape[1]
+    out = np.full((2, *error.shape), np.nan)
+    for place, each in enumerate(waves):
+        dofs = each.dofs[:, :count]
+        lost, held = (
+            np.einsum("in,in->n", dofs.conj(), times(part, dofs)).real for part in (loss, lattice.cell.stiffness)
+        )
+        for band in np.flatnonzero(each.eigenvalue[:count] > 0.0):
+            bar, factor = error[place, band], float(lost[band] / held[band])
+            softened = abs(float(held[band] / each.eigenvalue[band]) - 1.0)
+            of_wave = None if np.isnan(bar) else float(bar)
+            out[:, place, band] = quality_and_bar(
+                factor, most, of_wave, (most - least) * (np.sqrt(softened) + softened)
+            )
+    return np.where(out[1] >= out[0], np.nan, out)  # a bar as wide as its figure leaves none
 
 
 def _detail(

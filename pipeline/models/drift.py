@@ -15,9 +15,10 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.answer_parts import LayerStress, WarmPlate
-from pipeline.models.modes import SHARES, solve_modes
+from pipeline.models.modes import solve_modes
 from pipeline.planning import simplifications
 from pipeline.planning.model_choice import of_case
+from solvers.measures.loss import SHARES
 
 NEPER_DB = 20.0 / log(10.0)
 BEND = 2  # degree of the curves over temperature, of which the slope is taken; what they miss is in its bar

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf, sqrt
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -64,7 +64,7 @@ from solvers.measures.confinement import (
     strength_force,
     target_symmetry,
 )
-from solvers.measures.loss import loss_factors
+from solvers.measures.loss import loss_factors, quality_and_bar
 from solvers.measures.radiation import air_loss_factors
 from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
@@ -72,8 +72,6 @@ from solvers.threads import one_thread
 __all__ = ["DEFAULT_COUNT", "Expected", "PartModes", "Request", "solve_modes", "with_defaults"]
 TUNINGS = 6  # most solutions for moduli that depend on the frequency
 DEEPER = 3  # most refinements of a reduction: all but the first raise the degree through the thickness
-ROUNDING = 1e-9  # relative
-SHARES = 2.0
 PASSES = 4  # most times that a part is meshed or reduced again for the frequencies found
 
 
@@ -386,28 +384,10 @@ def with_quality(case: Case, part_modes: PartModes) -> PartModes:
         if case.is_lossy:
             own = np.array(loss_factors(model.scale.eigenvalue(solved_hz), model.lost(symmetry, vectors)))
         for row, factor, change, sound in zip(rows, *own.tolist(), radiated.tolist(), strict=True):
-            known_q = _quality(factor, change, most, row.error, sound) if case.is_lossy else {}
-            quality[symmetry, row.column] = known_q | {"air_quality_factor": 1.0 / sound if sound > 0.0 else None}
+            own_q = quality_and_bar(factor, most, row.error, change, sound) if case.is_lossy else (None, None)
+            quality[symmetry, row.column] = dict(zip(("quality_factor", "quality_error"), own_q, strict=True))
+            quality[symmetry, row.column]["air_quality_factor"] = 1.0 / sound if sound > 0.0 else None
     return part_modes.each(lambda row: replace(row, **quality.get((row.symmetry, row.column), {})))
-
-
-def _quality(
-    factor: float, change: float, most: float, error: float | None, radiated: float
-) -> dict[str, float | None]:
-    """Quality factor of a mode and its error bar.
-
-    A small share of the energy that loses most is less accurate than the whole: by up to SHARES (1 + (most/factor)^(1/2)) times
-    the eigenvalue's own error, as measured on coarse plates of three materials, `most` the largest loss factor of all. Of
-    `radiated`, the loss into the air, twice the share is uncertain by which a motion of that error in energy may differ.
-    """
-    total, shared = factor + radiated, most <= factor * (1.0 + ROUNDING)  # alike: nothing depends on the mesh
-    if total <= 0.0:
-        return {"quality_factor": None, "quality_error": None}
-    half = 0.0 if shared and not radiated else None
-    if error is not None:
-        own = 0.0 if shared else 2.0 * SHARES * error * (factor + sqrt(most * factor)) + abs(change)
-        half = own + 2.0 * sqrt(2.0 * error) * radiated
-    return {"quality_factor": 1.0 / total, "quality_error": None if half is None else half / total**2}
 
 
 def _beyond(part_modes: PartModes) -> tuple[ModeRow, ...]:

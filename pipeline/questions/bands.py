@@ -130,6 +130,13 @@ class BandPoint(Part):
         "group velocity; None for a wave at rest", "m/s", along="band",
         parts=("group_velocity_x_m_s", "group_velocity_y_m_s"), default=None,
     )  # fmt: skip
+    quality_factor: list[float | None] | None = column(
+        "quality factor by the loss of the materials; None without it, and for a wave at rest", along="band",
+        error="quality_error", default=None,
+    )  # fmt: skip
+    quality_error: list[float | None] | None = column(
+        "error bar of the quality factor (half-width); None without an estimate", along="band", default=None
+    )
 
 
 def _bending(place: int, which: str) -> Figure[float | None]:
@@ -293,6 +300,9 @@ class BandsResult(Result, table="points", axes=("point", "band")):
             yield f"No complete gap {self.where_gaps_are_known}; raise bands.count to search higher"
         if self.has_pillar and self.bending_texts:
             yield f"bending of the pillars at M: {' and '.join(self.bending_texts)}"
+        if losses := [q for p in self.points for q in p.quality_factor or () if q is not None]:
+            ends = " to ".join(quantity.figure(pick(losses)) for pick in (min, max))
+            yield f"quality factors by the loss of the materials: {ends}"
         if self.widest_bar:
             known = {name: self.widest_bar[name] for name in ("error", "of", "parts")}
             yield WidestBar(**known).text()

@@ -10,6 +10,48 @@ import numpy as np
 
 from geometry.elements import FloatArray
 
+SHARES = 2.0  # measured on coarse plates of three materials
+ROUNDING = 1e-9  # relative
+
+
+def quality_and_bar(
+    factor: float, most: float, error: float | None, change: float = 0.0, radiated: float = 0.0
+) -> tuple[float | None, float | None]:
+    """Compute the quality factor of a mode or a wave and its error bar.
+
+    A small share of the energy that loses most is less accurate than the whole: by up to SHARES (1 + (most/factor)^(1/2)) times
+    the eigenvalue's own error. Of the loss into the air, twice the share is uncertain by which a motion of that error in energy
+    may differ.
+
+    Parameters
+    ----------
+    factor : float
+        Loss factor by the materials.
+    most : float
+        Largest loss factor of a material.
+    error : float or None
+        Relative error of the frequency; None if unknown.
+    change : float, optional
+        What modes that overlap change of the loss factor.
+    radiated : float, optional
+        Loss factor by radiation.
+
+    Returns
+    -------
+    quality : float or None
+        Quality factor; None where nothing is lost.
+    half : float or None
+        Half-width of its error bar, in units of the quality factor; None if unknown.
+    """
+    total, shared = factor + radiated, most <= factor * (1.0 + ROUNDING)  # alike: nothing depends on the mesh
+    if total <= 0.0:
+        return None, None
+    half = 0.0 if shared and not radiated else None
+    if error is not None:
+        own = 0.0 if shared else 2.0 * SHARES * error * (factor + np.sqrt(most * factor)) + abs(change)
+        half = own + 2.0 * np.sqrt(2.0 * error) * radiated
+    return 1.0 / total, None if half is None else float(half) / total**2
+
 
 def loss_factors(eigenvalue: FloatArray, loss: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Compute the loss factors 1/Q of modes, and what the loss between the modes adds to them.

@@ -18,12 +18,12 @@ from geometry.tiling import lattice_panel
 from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.models.modes import SHARES, PartModes, Request, solve_modes
+from pipeline.models.modes import PartModes, Request, solve_modes
 from solvers.errors import SolverError
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import TouchField
-from solvers.measures.loss import loss_factors
+from solvers.measures.loss import SHARES, loss_factors
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import StaticCorrection, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, PressedPlate
@@ -32,6 +32,7 @@ from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Periodic
 from solvers.superelement.plate import loss_of
 from solvers.waves.complex_bands import Row
+from tests.helpers.asked import bands_of
 
 LOG = TerminalLog(quiet=True)
 GLASS, EPOXY, LEAD = (MATERIALS[name] for name in ("glass", "epoxy", "lead"))
@@ -269,3 +270,45 @@ def test_commands_for_one_quality_factor_refuse_the_materials():
     own = load_case("studies/three-rows.toml", ["damping.quality=materials"])
     with pytest.raises(InputError, match=r'damping\.quality = "materials": must be a number: broadband'):
         own.one_quality_factor("broadband")
+
+
+def banded(plate: float, pillar: float, *more: str) -> Case:
+    """A cell of two materials of other moduli, in GPa, with the fewest elements of its accuracy."""
+    tables = ((plate, 0.01), (pillar, 0.3))
+    stuff = [{"young_GPa": e, "poisson": 0.3, "density_kg_m3": 2000.0, "loss_factor": loss} for e, loss in tables]
+    raw = {
+        "name": "cell",
+        "material": stuff[0],
+        "plate": {"thickness_mm": 2.0},
+        "pillar": {"side_mm": 2.0, "height_mm": 3.0, "material": stuff[1]},
+        "array": {"pitch_mm": 5.0, "rows": 1},
+        "bands": {"points": 1, "count": 6},
+        "damping": {"quality": "materials"},
+        "solve": {"accuracy": 0.05},
+    }
+    return case_from_dict(raw, None, more)
+
+
+def test_the_loss_of_a_wave_is_the_sum_of_the_derivatives_of_its_frequency() -> None:
+    """1/Q = sum of loss factors times d ln f^2 / d ln E, of bands that are simple at a corner of the path."""
+    bands = bands_of(banded(10.0, 3.0), LOG)
+    expected = np.zeros((4, 6))
+    for plate, pillar, loss in ((1.0, 0.0, 0.01), (0.0, 1.0, 0.3)):
+        ends = []
+        for sign in (1.0, -1.0):
+            own = banded(10.0 * (1.0 + sign * STEP * plate), 3.0 * (1.0 + sign * STEP * pillar))
+            ends.append(np.array([point.computed_hz for point in bands_of(own, LOG).points]))
+        expected += loss * np.log(np.where(ends[0] > 0.0, ends[0], 1.0) / np.where(ends[1] > 0.0, ends[1], 1.0)) / STEP
+    for point, factors in zip(bands.points, expected, strict=True):
+        assert point.quality_factor is not None and point.quality_error is not None
+        for quality, bar, factor in zip(point.quality_factor, point.quality_error, factors, strict=True):
+            if quality is not None:
+                assert bar is not None and abs(quality - 1.0 / factor) <= bar
+                if bar < 0.02 * quality:
+                    assert 1.0 / quality == pytest.approx(factor, rel=0.01)
+
+
+def test_waves_of_one_loss_have_its_quality_factor() -> None:
+    bands = bands_of(banded(10.0, 3.0, "material.loss_factor=0.02", "pillar.material.loss_factor=0.02"), LOG)
+    known = [quality for point in bands.points for quality in point.quality_factor or () if quality is not None]
+    assert len(known) == 4 * 6 - 2 * 3 and known == pytest.approx([50.0] * len(known))

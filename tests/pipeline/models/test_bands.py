@@ -114,7 +114,10 @@ def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
     document = BandsResult.of_solved(result).to_dict()
     known = {name for name, value in document["points"][0].items() if value is not None}
     assert known == {"label", "kx_per_m", "ky_per_m", "frequencies_hz", "computed_hz", "error"}
-    assert document["reduction_error"] is None and "polarisation, branches and group velocity" in log.omitted
+    assert (
+        document["reduction_error"] is None
+        and "polarisation, branches, group velocity and quality factors" in log.omitted
+    )
     reduced, _ = solved("bands.points=1", "bands.count=7")
     assert document["zone_gaps"][0]["lower_hz"] == pytest.approx(reduced.gaps[0].lower_hz, rel=0.01)
 
