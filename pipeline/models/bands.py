@@ -230,7 +230,7 @@ class SolvedBands:
         return {kind: with_edges(gaps, self.path, self.frequencies_hz, self.error) for kind, gaps in found.items()}
 
     def _quality(self, own: OwnFrequency, tones: FloatArray) -> FloatArray | None:
-        """Quality factors whose bars hold what loss and moduli change to their own frequencies, Hz."""
+        """Quality factors with error bars that hold what loss and moduli change to their own frequencies, Hz."""
         known = self.detail.quality if self.detail else None
         if known is None:
             return None

@@ -25,7 +25,7 @@ SLIGHT = 1e-6  # relative step of a derivative
 
 @dataclass(frozen=True)
 class OwnFrequency:
-    """What the materials of a body, taken at one frequency, make of the frequencies solved with them."""
+    """What the materials of a body, taken at one frequency, change of frequencies that were solved with them."""
 
     materials: tuple[Material, ...]
 
