@@ -12,11 +12,17 @@ import numpy as np
 
 from geometry.elements import BoolArray, FloatArray
 
-MIRRORS = {"x": np.diag([-1.0, 1.0]), "y": np.diag([1.0, -1.0]), "d": np.array([[0.0, 1.0], [1.0, 0.0]])}
+HALF, SLOPE = 0.5, 0.5 * np.sqrt(3.0)  # of a triangular lattice's pitch: shift and distance of its rows
+MIRRORS = {
+    "x": np.diag([-1.0, 1.0]),
+    "y": np.diag([1.0, -1.0]),
+    "d": np.array([[0.0, 1.0], [1.0, 0.0]]),  # exchanges x and y
+    "h": np.array([[-HALF, SLOPE], [SLOPE, HALF]]),  # about the line at 60 degrees from x
+}
 SAME = 1e-9  # of a reciprocal vector, or of a turn: wavevectors nearer to each other are one
 NEAREST = 2  # multiples of each reciprocal vector whose bisectors may bound the zone
 LABELS = re.compile("[A-Z][0-9]?")
-KNOWN = ("G", "X", "X1", "M", "S", "Y", "Y1")  # of every lattice
+KNOWN = ("G", "X", "X1", "M", "S", "Y", "Y1", "K", "K1", "M1")  # of every lattice
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,7 @@ def labels_of(path: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Lattice:
-    """The points n a1 + m a2 of the plane: rectangular, or with every other row shifted by half a pitch.
+    """The points n a1 + m a2 of the plane: rectangular, or with every other row shifted by half a pitch, such as triangular.
 
     Attributes
     ----------
@@ -104,9 +110,15 @@ class Lattice:
         return self.a2_m[0] != 0.0
 
     @property
+    def is_triangular(self) -> bool:
+        """Whether every point has six nearest neighbours."""
+        pitch = self.a1_m[0]
+        return bool(np.allclose(self.a2_m, (HALF * pitch, SLOPE * pitch), rtol=SAME, atol=SAME * pitch))
+
+    @property
     def name(self) -> str:
         """The kind of lattice in one word."""
-        return "staggered" if self.is_centred else "rectangular"
+        return "triangular" if self.is_triangular else "staggered" if self.is_centred else "rectangular"
 
     @property
     def vectors_m(self) -> FloatArray:
@@ -192,13 +204,17 @@ class Lattice:
         """High-symmetry wavevectors (2,) in rad/m by their labels, around a quarter of the zone from the kx to the ky axis.
 
         Labels are those of setyawan2010: of shifted rows X and Y lie where the axes leave the zone, S is the middle of its
-        oblique side, and X1 (Y1 where rows are closer than half a pitch) its other corner, equivalent to X (Y).
+        oblique side, and X1 (Y1 where rows are closer than half a pitch) its other corner, equivalent to X (Y). A triangular
+        zone has its corners K and the middles of its sides M; K1 and M1 differ from them where a cell has two mirrors alone.
         """
         if not self.is_centred:
             x, y = np.diag(self.reciprocal_per_m) / 2.0
             return {"G": np.zeros(2), "X": np.array([x, 0.0]), "M": np.array([x, y]), "Y": np.array([0.0, y])}
         x, y = self.reciprocal_per_m[0, 0], self.reciprocal_per_m[1, 1] / 2.0
         far_x, far_y, middle = (x * x + y * y) / (2.0 * x), (x * x + y * y) / (2.0 * y), np.array([x / 2.0, y / 2.0])
+        if self.is_triangular:
+            around = {"M1": (0.0, y), "K1": (x - far_x, y), "M": (x / 2.0, y / 2.0), "K": (far_x, 0.0)}
+            return {"G": np.zeros(2)} | {label: np.array(place) for label, place in around.items()}
         if np.isclose(x, y, rtol=SAME, atol=0.0):
             return {"G": np.zeros(2), "X": np.array([x, 0.0]), "S": middle, "Y": np.array([0.0, y])}
         if y < x:

@@ -477,10 +477,19 @@ class Design:
 
     @property
     def cell_mirrors(self) -> tuple[str, ...]:
-        """Mirrors of the unit cell: x, y, and "d", which exchanges x and y, where the pillar and equal pitches have it."""
+        """Mirrors of the unit cell: x, y, "d", which exchanges x and y, where the pillar and equal pitches have it, and "h",
+        about the line at 60 degrees from x, of a triangular lattice.
+        """
         shared = ("x", "y", "d") if self.pitch_x_m == self.pitch_y_m and not self.stagger else ("x", "y")
         kept = {*self.stack.mirrors} & {*(self.pillar or self.stack).mirrors}
-        return tuple(name for name in shared if name in kept)
+        return (*(name for name in shared if name in kept), *(("h",) if self._is_sixfold else ()))
+
+    @property
+    def _is_sixfold(self) -> bool:
+        """Whether its cell has the mirrors of a triangular lattice: isotropic materials, and sections that have them."""
+        sections = self.pillar.sections if self.pillar else ()
+        shaped = all("h" in section.form.mirrors for section in sections)
+        return shaped and self.lattice.is_triangular and all(each.constants for each in self.materials)
 
     def column_centres(self, row: int = 0) -> FloatArray:
         """x of the pillars of a row, counted from 0 at the zone, shape (columns,), m: floor((length - footprint)/pitch_x) + 1,

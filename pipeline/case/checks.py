@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from itertools import combinations, pairwise
 from typing import Any
 
-from geometry.lattice import labels_of
+from geometry.lattice import SLOPE, labels_of
 from geometry.layout import PLAIN
 from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline.case import limits
@@ -87,6 +87,26 @@ def normalise_pitch(file: Tables) -> Iterator[Diagnostic]:
     file.pitches_given = tuple(given) if len(known) == len(PITCHES) else None
     if (both := known.get("pitch_mm")) is not None:
         file.set({"array.pitch_x_mm": both, "array.pitch_y_mm": both})
+    yield from _lay_out(file, given)
+
+
+def _lay_out(file: Tables, given: list[str]) -> Iterator[Diagnostic]:
+    """Shift rows and set the distance of rows of a named lattice; report what contradicts it."""
+    array, kind = file.array, file.array.lattice
+    if kind in ("square", "rectangular") and array.stagger:
+        yield "array.stagger", True, f"cannot be combined with lattice = '{kind}', whose rows are in line"
+    if kind == "square" and array.pitch_x_mm != array.pitch_y_mm:
+        yield "array.pitch_y_mm", array.pitch_y_mm, "must equal pitch_x_mm in a square lattice"
+    if kind in ("staggered", "triangular"):
+        file.set({"array.stagger": True})
+    if kind != "triangular":
+        return
+    for name in (*PITCHES[1:], "pitches_y_mm"):
+        if name in given or (name == "pitches_y_mm" and array.pitches_y_mm):
+            text = "must be left out of a triangular lattice: pitch_mm is the distance of neighbours"
+            yield f"array.{name}", getattr(array, name), text
+    if array.pitch_x_mm is not None and given == ["pitch_mm"]:
+        file.set({"array.pitch_y_mm": SLOPE * array.pitch_x_mm})
 
 
 def _given_pitches(file: Tables) -> list[tuple[str, float]]:

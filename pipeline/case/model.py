@@ -559,7 +559,10 @@ def _solve(table: SolveTable) -> SolveTable:
 
 def _bands(table: BandsTable, design: Design) -> BandsTable:
     """Return the table with the default path of the cell if none is given."""
-    own = "GXMG" if isnan(design.pitch_x_m) else design.lattice.border(design.stack.mirrors)
+    if isnan(design.pitch_x_m):
+        own = "GXMG"
+    else:
+        own = design.lattice.border(design.cell_mirrors if design.lattice.is_triangular else design.stack.mirrors)
     return table.but(path=table.path or own or design.lattice.default_path)
 
 

@@ -185,6 +185,9 @@ class ArrayTable(Table):
     sides_mm: RowLengths | None = Field(default=None, description=ONE_A_ROW)
     pitches_y_mm: RowLengths | None = Field(default=None, description=ONE_A_ROW)
     stagger: bool = Field(default=False, description="true or false")
+    lattice: Literal["square", "rectangular", "staggered", "triangular"] | None = Field(
+        default=None, description="square, rectangular, staggered or triangular"
+    )
     extension_mm: Length = 0.0
 
 
@@ -469,6 +472,7 @@ class Array(TypedDict, total=False):
     sides_mm: Numbers
     pitches_y_mm: Numbers
     stagger: bool
+    lattice: Literal["square", "rectangular", "staggered", "triangular"]
     extension_mm: float
 
 

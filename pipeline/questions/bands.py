@@ -259,13 +259,20 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     @property
     def bending_at_m_hz(self) -> list[float]:
-        """Two bending bands of the pillars at M; [] on a path without M."""
-        return next((point.frequencies_hz[:2] for point in self.points if point.label == "M"), [])
+        """Two bending bands of the pillars at M, the corner of a rectangular zone; [] on a path without it."""
+        return next((point.frequencies_hz[:2] for point in self._corners), [])
+
+    @property
+    def _corners(self) -> list[BandPoint]:
+        """Points at the corner of a rectangular zone: M of a triangular lattice is another one."""
+        if "K" in self.labels or getattr(self.plate_design, "staggered", False):
+            return []
+        return [point for point in self.points if point.label == "M"]
 
     @property
     def bending_errors(self) -> list[float | None]:
         """Relative error bars of bending_at_m_hz (half-widths)."""
-        known = next((point.error[:2] for point in self.points if point.label == "M"), [])
+        known = next((point.error[:2] for point in self._corners), [])
         return [*known, *[None] * (len(self.bending_at_m_hz) - len(known))]
 
     @property

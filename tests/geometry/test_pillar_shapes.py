@@ -62,8 +62,8 @@ def test_mirrors_are_those_of_the_section() -> None:
     mirrors = {name: shape.mirrors for name, shape in SHAPED.items()}
     assert mirrors == {
         "square": ("x", "y", "d"),
-        "round": ("x", "y", "d"),
-        "hexagonal": ("x", "y"),
+        "round": ("x", "y", "d", "h"),
+        "hexagonal": ("x", "y", "h"),
         "cross": ("x", "y", "d"),
     }
     assert Tapered(S, 1e-3).mirrors == ("x", "y", "d")
