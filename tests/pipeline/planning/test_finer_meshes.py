@@ -171,10 +171,10 @@ def test_a_lone_part_that_misses_is_meshed_anew(part: str) -> None:
 @pytest.mark.slow
 def test_tetrahedra_that_miss_are_meshed_anew() -> None:
     """Against hexahedra, within both bars, at an accuracy that the first edges miss."""
-    log, asked = RecordingLog(), (0.001, 6.3, 4, "GXMG")
+    log, asked = RecordingLog(), (0.0005, 6.3, 4, "GXMG")
     by_tetrahedra = solve_bands(case(*asked, mesh="tet"), log)
-    assert any("target: tetrahedra" in fact for fact in log.facts) and len(by_tetrahedra.meshes) == 1
-    assert by_tetrahedra.expected_error and by_tetrahedra.expected_error < 0.001
+    assert any("refining: tetrahedra" in fact for fact in log.facts) and len(by_tetrahedra.meshes) == 1
+    assert by_tetrahedra.expected_error and by_tetrahedra.expected_error < 0.0005
     hexahedra = solve_bands(case(*asked), RecordingLog())
     moving = hexahedra.frequencies_hz > 1.0
     off = np.abs(by_tetrahedra.frequencies_hz[moving] / hexahedra.frequencies_hz[moving] - 1.0)
