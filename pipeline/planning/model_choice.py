@@ -235,8 +235,14 @@ def check_stagger(case: Case) -> None:
     design = case.design
     reach = max((pillar.reach_m[0] for pillar in design.kinds), default=0.0)
     if design.pitch_x_m / 2.0 < (1.0 + MIN_GAP) * reach:
-        need = f"array.pitch_x_mm above {2e3 * reach:g}, twice the pillars' width, or solve.model = 'solid'"
-        raise InputError(f"{case.source or case.name}: array.stagger = true: cells half a pitch wide need {need}")
+        key = "array.pitch_mm" if design.lattice.is_triangular else "array.pitch_x_mm"
+        need = f"{key} above {2e3 * reach:g}, twice the pillars' width, or solve.model = 'solid'"
+        raise InputError(f"{case.source or case.name}: {_shifted(case)}: cells half a pitch wide need {need}")
+
+
+def _shifted(case: Case) -> str:
+    """The key that shifts rows, with its value."""
+    return "array.lattice = 'triangular'" if case.design.lattice.is_triangular else "array.stagger = true"
 
 
 def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
@@ -252,7 +258,7 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
     no_cad = simplifications.hexahedra(case, "cell")
     if design.stagger and not no_cad:
         what = "needs pillars that hexahedra can follow, with room around their feet, and solve.mesh auto or hex"
-        raise InputError(f"{case.source or case.name}: array.stagger = true: {what}")
+        raise InputError(f"{case.source or case.name}: {_shifted(case)}: {what}")
     taken = (simplifications.no_pillars(design, "cell"), no_cad)
     if case.solve.model == SOLID and no_cad:
         level, settings = mesh_rules.cell_level(accuracy), mesh_rules.cell_settings(design, accuracy)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from pipeline.errors import InputError
 from pipeline.models.answer_parts import LayerStress, WarmPlate
 from pipeline.quantity import KHZ, figure, percent, with_bar
 from pipeline.questions.late import Axes, Case, Plan, ReportFigure, np, plans, simplifications, style
@@ -109,6 +110,11 @@ class Drift(Question[DriftResult], needs=("plate", "zone"), example="drift examp
 
         super().check(case)
         checked(case)
+        for celsius in self._span(case):
+            try:
+                case.but({"solve.temperature_C": celsius})
+            except InputError as error:
+                raise InputError(f"around_K = {self.around_K:g}: {error.lines[0].rpartition('--set: ')[2]}") from None
 
     def plan(self, case: Case) -> Plan:
         low, high = self._span(case)

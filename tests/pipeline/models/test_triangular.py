@@ -82,6 +82,11 @@ def test_what_contradicts_the_lattice_is_named(array: dict[str, Any], words: str
         case(SQUARE, array)
 
 
+def test_pillars_wider_than_half_a_pitch_are_refused_by_the_lattice() -> None:
+    with pytest.raises(InputError, match=r"array.lattice = 'triangular': .* need array.pitch_mm above 6"):
+        bands_of(case({"side_mm": 3.0}), LOG)
+
+
 def test_a_staggered_lattice_is_that_of_shifted_rows() -> None:
     array = {"pitch_x_mm": 5.0, "pitch_y_mm": 4.0, "rows": 2}
     one, other = case(SQUARE, array | {"lattice": "staggered"}), case(SQUARE, array | {"stagger": True})
