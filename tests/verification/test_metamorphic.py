@@ -26,7 +26,7 @@ BAND_HZ = (20e3, 60e3)
 ROUNDING = 1e-5  # of the largest value of its key: residuals of 1e-9 in values that differ by 1e-4
 COARSE = """
 name = "coarse"
-material = {young_GPa = 70.0, density_kg_m3 = 2700.0, poisson = 0.34}
+material = {young_GPa = 70.0, density_kg_m3 = 2700.0, poisson = 0.34, dE_dT_per_K = -4e-4, expansion_per_K = 2e-5}
 [plate]
 thickness_mm = 2.0
 [zone]
@@ -69,6 +69,7 @@ PASSIVE = {
     "bands": [],
     "attenuation": ["--band", BAND_HZ, "--points", "5"],
     "broadband": ["--band", BAND_HZ, "--points", "5"],
+    "drift": ["--points", "3"],
 }
 DRIVEN = {
     "response": ["--band", BAND_HZ, "--points", "5"],
@@ -108,6 +109,9 @@ class Scaling:
         units = {
             "_hz": self.frequency,
             "_kHz": self.frequency,
+            "_hz_per_K": self.frequency,
+            "_per_m_K": 1.0 / self.length,
+            "_Pa_per_K": self.modulus,
             "_m_s": self.frequency * self.length,
             "_per_m": 1.0 / self.length,
             "_mm": self.length,
