@@ -68,7 +68,9 @@ def test_what_is_not_known_is_said(coarsest_cells: None) -> None:
     bare = {key: PLATE[key] for key in ("young_GPa", "poisson", "density_kg_m3")}
     with pytest.raises(InputError, match="drift needs dE_dT_per_K or expansion_per_K of one of them"):
         drift_of(case(bare, bare))
-    with pytest.raises(InputError, match=r"around_K = 1000: solve.temperature_C = -980: must be a number, from -273.15"):
+    with pytest.raises(
+        InputError, match=r"around_K = 1000: solve.temperature_C = -980: must be a number, from -273.15"
+    ):
         drift_of(case(PLATE, PLATE), around_K=1000.0)
     run = Run(LOG)
     ask(case(bare, PLATE), Drift(points=3), run)
