@@ -71,12 +71,11 @@ class Rod(NamedTuple):
 class Material:
     """A linear elastic law with its density, axes along x, y, z.
 
-    spectrum: frequency in Hz, Young's modulus at 20 C in Pa and loss factor in rising order, of a law that depends on the
-    frequency; it is then the law at taken_hz.
-
     stiffness_pa: over the strains xx, yy, zz, yz, xz, xy (engineering shear). constants: those of an isotropic law, which
     `isotropic` makes; None for any other. loss_factor, softening_per_k (of all stiffnesses alike, relative to 20 C) and
-    expansion_per_k: None where they are not known. Raises GeometryError unless the density and all eigenvalues are above 0.
+    expansion_per_k: None where they are not known. spectrum: frequency in Hz, Young's modulus at 20 C in Pa and loss factor in
+    rising order, of a law that depends on the frequency; it is then the law at taken_hz. Raises GeometryError unless the
+    density and all eigenvalues are above 0.
     """
 
     name: str
@@ -155,7 +154,12 @@ class Material:
         return replace(self, stiffness_pa=_rows_of(c))
 
     def at(self, temperature_c: float) -> Material:
-        """Return the law, known at 20 C, at a temperature in C; a coefficient that is not known counts as 0.
+        """Return the law, known at 20 C, at a temperature in C."""
+        factor = self.warm(temperature_c)
+        return replace(self.scaled(factor) if factor != 1.0 else self, temperature_c=temperature_c)
+
+    def warm(self, temperature_c: float) -> float:
+        """Return its stiffness at a temperature in C over that at 20 C; a coefficient that is not known counts as 0.
 
         A body whose edges grow by s has 1/s of the slopes, s^3 of the volume and the same mass: on the nodes of the cold body
         its stiffness is s times that of the constants, its mass is the same.
@@ -164,8 +168,7 @@ class Material:
         stiffness, edges = (1.0 + (each or 0.0) * warmer for each in (self.softening_per_k, self.expansion_per_k))
         if min(stiffness, edges) <= 0.0:
             raise GeometryError(f"material {self.name}: no stiffness is left at {temperature_c:g} C")
-        factor = stiffness * edges
-        return replace(self.scaled(factor) if factor != 1.0 else self, temperature_c=temperature_c)
+        return stiffness * edges
 
     def at_hz(self, frequency_hz: float) -> Material:
         """Return the law at a frequency in Hz; itself where it does not depend on it.

@@ -28,8 +28,9 @@ POISSON_MARGIN = 1e-6
 POISSON_RATIO: Range = (-100.0, 100.0)
 """Of an orthotropic law each is limited by the ratio of two moduli alone."""
 LOSS_FACTOR: Range = (0.0, 10.0)
-MAX_SPECTRUM = 200  # rows of a modulus over frequency
 """Imaginary over real part of a modulus: rubber at its glass transition reaches 2 or 3."""
+MAX_SPECTRUM = 200
+"""Rows of a modulus over frequency."""
 PER_KELVIN: Range = (-0.1, 0.1)
 """Relative change of a modulus per kelvin: near its glass transition a polymer loses some percent per kelvin."""
 EXPANSION_PER_K: Range = (-1e-3, 1e-3)
@@ -169,12 +170,12 @@ def parse_band(text: str, what: str = "band") -> tuple[float, float]:
 
 
 def _doubt(material: Material) -> list[str]:
-    return [*_implausible(material), *_at_another_temperature(material), *_beyond_its_spectrum(material)]
+    return [*_implausible(material), *_at_another_temperature(material), *beyond_spectrum(material, material.taken_hz)]
 
 
-def _beyond_its_spectrum(material: Material) -> list[str]:
-    tone = material.taken_hz
-    if tone is None or material.spectrum[0][0] <= tone <= material.spectrum[-1][0]:
+def beyond_spectrum(material: Material, tone: float | None) -> list[str]:
+    """Return a line for a frequency, Hz, at which the spectrum of a material does not hold."""
+    if tone is None or not material.spectrum or material.spectrum[0][0] <= tone <= material.spectrum[-1][0]:
         return []
     ends = f"{figure(material.spectrum[0][0])} to {figure(material.spectrum[-1][0])} Hz"
     return [f"{material.name}: young_GPa_at holds from {ends}: at {figure(tone)} Hz its nearest end is taken"]

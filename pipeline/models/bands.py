@@ -229,7 +229,7 @@ class SolvedBands:
             found["zone_gaps"] = self.zone_gaps
         return {kind: with_edges(gaps, self.path, self.frequencies_hz, self.error) for kind, gaps in found.items()}
 
-    def _quality(self, own: OwnFrequency, tones: FloatArray) -> FloatArray | None:
+    def _widened(self, own: OwnFrequency, tones: FloatArray) -> FloatArray | None:
         """Quality factors with error bars that hold what loss and moduli change to their own frequencies, Hz."""
         known = self.detail.quality if self.detail else None
         if known is None:
@@ -256,7 +256,7 @@ class SolvedBands:
         if detail:
             slope = own.slope(self.frequencies_hz.ravel()).reshape(*self.frequencies_hz.shape, 1)
             more: dict[str, Any] = {name: moved(gaps) for name, gaps in detail.gaps.items()}
-            detail = replace(detail, velocity=detail.velocity * slope, quality=self._quality(own, middle), **more)
+            detail = replace(detail, velocity=detail.velocity * slope, quality=self._widened(own, middle), **more)
         return replace(
             self, frequencies_hz=middle.reshape(self.frequencies_hz.shape), gaps=moved(self.gaps), detail=detail,
             zone_gaps=None if self.zone_gaps is None else moved(self.zone_gaps),
@@ -321,7 +321,10 @@ def _at_own_frequencies(case: Case, solve: Callable[[Case], SolvedBands], log: L
         log.info(f"moduli depend on the frequency: solved again with those at {frequency(tone)}")
         tuned = own_frequency.taken_at(case, tone)
         bands, own = solve(tuned), own_frequency.of_part(tuned, "cell")
-    return bands.at_own_frequencies(own)
+    bands = bands.at_own_frequencies(own)
+    for line in own.beyond(bands.frequencies_hz):
+        log.warning("MATERIAL", line)
+    return bands
 
 
 def row_cell(design: Design, reduction: ReductionSettings, lossy: bool = False) -> Periodic:

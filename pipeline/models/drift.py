@@ -106,16 +106,15 @@ def _at(case: Case, celsius: float, log: Log) -> WarmPlate:
 
 def _scaled(case: Case, celsius: list[float], log: Log) -> list[WarmPlate]:
     """The target mode solved once: where all materials change alike, frequencies follow the root of their stiffness."""
-    own, material = _at(case, case.solve.temperature_C, log), case.design.materials[0]
+    own_c, material = case.solve.temperature_C, case.design.materials[0]
+    own = _at(case, own_c, log)
     if own.frequency_hz is None:
         return [replace(own, temperature_C=each) for each in celsius]
-    stiff = material.constants.young_pa if material.constants else material.stiffness_pa[0][0]
-    out = []
-    for each in celsius:
-        law = case.but({"solve.temperature_C": each}).design.materials[0]
-        warm = law.constants.young_pa if law.constants else law.stiffness_pa[0][0]
-        out.append(replace(own, temperature_C=each, frequency_hz=own.frequency_hz * sqrt(warm / stiff)))
-    return out
+    factors = [sqrt(material.warm(each) / material.warm(own_c)) for each in celsius]
+    return [
+        replace(own, temperature_C=each, frequency_hz=own.frequency_hz * factor)
+        for each, factor in zip(celsius, factors, strict=True)
+    ]
 
 
 def _spread(case: Case) -> float:

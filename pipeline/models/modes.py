@@ -257,7 +257,10 @@ def _at_own_frequencies(case: Case, request: Request, log: Log, choice: ModelCho
             break
         log.info(f"moduli at {frequency(tone)} give a mode at {frequency(found)}: solved again with those there")
         tone = found
-    return solved.each(lambda row: _own(row, own))
+    solved = solved.each(lambda row: _own(row, own))
+    for line in own.beyond(np.array([row.frequency_hz for row in solved.rows])):
+        log.warning("MATERIAL", line)
+    return solved
 
 
 def _own(row: ModeRow, own: own_frequency.OwnFrequency) -> ModeRow:

@@ -15,6 +15,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.layout import Design
 from geometry.materials import Material
+from pipeline.case.limits import beyond_spectrum
 from pipeline.case.model import Case
 from pipeline.quantity import KHZ
 
@@ -56,6 +57,12 @@ class OwnFrequency:
             before, after = each.loss_factor or 0.0, each.at_hz(frequency_hz).loss_factor or 0.0
             changes.append(abs(after / before - 1.0) if before else float("inf") if after else 0.0)
         return max(changes)
+
+    def beyond(self, frequency_hz: FloatArray) -> list[str]:
+        """Return a line for each material whose spectrum does not hold at the lowest or the highest frequency above 0."""
+        moving = frequency_hz[frequency_hz > 0.0]
+        ends = [float(moving.min()), float(moving.max())] if len(moving) else []
+        return [line for each in self.materials for tone in ends for line in beyond_spectrum(each, tone)]
 
     def _own(self, solved_hz: FloatArray, pick: Callable[[list[float]], float]) -> FloatArray:
         found = solved_hz.copy()

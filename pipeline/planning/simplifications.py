@@ -162,8 +162,9 @@ def material_loss(design: Design, quality: float | None) -> Simplification | Non
 
 
 def alike_drift(design: Design) -> Simplification | None:
-    """Solve one temperature where all materials change alike: frequencies scale, shapes stay."""
-    if len({(material.softening_per_k, material.expansion_per_k) for material in design.materials}) > 1:
+    """Solve one temperature where all materials change alike, and at any frequency: frequencies scale, shapes stay."""
+    coefficients = {(material.softening_per_k, material.expansion_per_k) for material in design.materials}
+    if len(coefficients) > 1 or any(material.spectrum for material in design.materials):
         return None
     return Simplification("alike_drift", "the plate at other temperatures", "all its materials change alike: it scales")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import LayerStress, WarmPlate
@@ -13,9 +12,6 @@ from pipeline.questions.late import Axes, Case, Plan, ReportFigure, np, plans, s
 from pipeline.questions.question import Pair, Question, Run, option
 from pipeline.questions.result import Result, stacked
 from pipeline.records.part import bar, column
-
-if TYPE_CHECKING:
-    from pipeline.planning.model_choice import Request
 
 POINTS, LEAST, MOST = 5, 3, 101
 AROUND_K = 20.0
@@ -117,8 +113,10 @@ class Drift(Question[DriftResult], needs=("plate", "zone"), example="drift examp
                 raise InputError(f"around_K = {self.around_K:g}: {error.lines[0].rpartition('--set: ')[2]}") from None
 
     def plan(self, case: Case) -> Plan:
+        from pipeline.planning.model_choice import of_case
+
         low, high = self._span(case)
-        step, looks = plans.modes_step(case, _request(case)), f"{self.points} temperatures from {low:g} to {high:g} C"
+        step, looks = plans.modes_step(case, of_case(case)), f"{self.points} temperatures from {low:g} to {high:g} C"
         return plans.plan_of(
             case,
             replace(step, measure=self.name, name="target mode over temperature", looks_for=looks),
@@ -140,9 +138,3 @@ class Drift(Question[DriftResult], needs=("plate", "zone"), example="drift examp
     def _span(self, case: Case) -> Pair:
         own = case.solve.temperature_C
         return own - self.around_K, own + self.around_K
-
-
-def _request(case: Case) -> Request:
-    from pipeline.planning.model_choice import of_case
-
-    return of_case(case)

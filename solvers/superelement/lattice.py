@@ -34,7 +34,7 @@ from solvers.threads import one_thread
 ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid-body modes
 EQUAL = 1e-7  # relative distance of eigenvalues that count as one
 SPARE = 4  # waves above the requested ones, with which the discarded modes couple them
-IN_PHASE = 1e-12  # of a turn: phases by which a cell moves as its images do
+IN_PHASE = 1e-12  # rad: smaller phases are those of a cell that moves as its images do
 TRANSLATION = 0.99  # of a wave's mass that moves as one: elastic waves are orthogonal to translations
 
 
@@ -198,9 +198,11 @@ class ReducedLattice:
                 f"{degrees_text} are more than the cell's mesh can hold: refine it or lower them"
             ) from fault
         free = turn.diagonal(wavevector)[:, None] * free if turn else free
-        moved = np.empty((self.dof, 3))
-        moved[self.column] = rigid_boundary(self.cell)[:, :3]
-        still = (np.abs(values) < self.rounding) | _translates(self._phases(wavevector), moved, matrices[1], free)
+        still = np.abs(values) < self.rounding
+        if _in_phase(self._phases(wavevector)):
+            moved = np.empty((self.dof, 3))
+            moved[self.column] = rigid_boundary(self.cell)[:, :3]
+            still |= _translates(moved, matrices[1], free)
         return np.where(still, 0.0, values), free
 
     def _phases(self, wavevector: FloatArray) -> ComplexArray:
@@ -285,12 +287,12 @@ class BlochPlate:
         stiffness, mass = self.matrices
         with one_thread():
             values, waves = eigh(stiffness, mass, subset_by_index=[0, min(count, self.dof) - 1])
-        rounding = ROUNDING * np.abs(stiffness).max() / np.abs(mass).max()
-        moved = np.empty((self.dof, 3))
-        for placed in self.placed_cells:
-            moved[placed.dofs] = rigid_boundary(placed.cell)[:, :3]
-        phases = np.concatenate([placed.coefficient for placed in self.placed_cells])
-        still = (np.abs(values) < rounding) | _translates(phases, moved, mass, waves)
+        still = np.abs(values) < ROUNDING * np.abs(stiffness).max() / np.abs(mass).max()
+        if all(_in_phase(placed.coefficient) for placed in self.placed_cells):
+            moved = np.empty((self.dof, 3))
+            for placed in self.placed_cells:
+                moved[placed.dofs] = rigid_boundary(placed.cell)[:, :3]
+            still |= _translates(moved, mass, waves)
         return self.periodic.scale.frequency(np.where(still, 0.0, values)), waves
 
     def cell_vectors(self, placed_cell: PlacedCell, vectors: ComplexArray) -> ComplexArray:
@@ -303,13 +305,16 @@ class BlochPlate:
         return replace(self, periodic=Periodic(cells, self.periodic.shift))
 
 
-def _translates(phases: ComplexArray, moved: FloatArray, mass: ComplexArray, waves: ComplexArray) -> BoolArray:
+def _in_phase(phases: FloatArray | ComplexArray) -> bool:
+    """Whether every degree of freedom moves as its images do."""
+    return bool(np.abs(phases - 1.0).max() <= IN_PHASE)
+
+
+def _translates(moved: FloatArray, mass: ComplexArray, waves: ComplexArray) -> BoolArray:
     """Which waves (dof, n) move the whole lattice as one along `moved` (dof, 3), (n,): they have no frequency.
 
     A soft neck under a heavy body has elastic waves so slow that rounding of the plate's stiffness hides them.
     """
-    if np.abs(phases - 1.0).max() > IN_PHASE:
-        return np.zeros(waves.shape[1], dtype=bool)
     weighted = moved.T @ mass
     along = weighted @ waves
     return np.asarray(np.sum(along.conj() * np.linalg.solve(weighted @ moved, along), axis=0).real > TRANSLATION)

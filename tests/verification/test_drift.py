@@ -12,6 +12,7 @@ from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import solve_modes
 from pipeline.planning.model_choice import of_case
+from pipeline.planning.simplifications import alike_drift
 from pipeline.questions.drift import Drift, DriftResult
 from pipeline.questions.question import Run, ask
 from tests.helpers.exploring import SMALL
@@ -41,6 +42,12 @@ def test_a_plate_of_one_material_scales_as_it_is_solved_warm(coarsest_cells: Non
     assert found.drift_hz_per_K is not None and found.drift_db_per_K == 0.0
     slope = found.points[1].frequency_hz / 2.0 * (-4e-4 + 2e-5)  # of the root of the stiffness, at 20 C
     assert found.drift_hz_per_K == pytest.approx(slope, rel=1e-4)
+
+
+def test_moduli_over_frequency_do_not_scale() -> None:
+    rows = {"young_GPa_at": [[1e3, 60.0, 0.0], [1e5, 70.0, 0.0]]}
+    varied = {key: value for key, value in PLATE.items() if key != "young_GPa"} | rows
+    assert alike_drift(case(PLATE, PLATE).design) and alike_drift(case(varied, varied).design) is None
 
 
 def test_two_materials_drift_by_where_the_energy_sits(coarsest_cells: None) -> None:

@@ -17,6 +17,7 @@ from pipeline.questions.predesign import Predesign
 from pipeline.questions.question import Run, ask
 from tests.helpers.asked import bands_of
 from tests.helpers.exploring import SMALL
+from tests.helpers.recording_log import RecordingLog
 
 LOG = TerminalLog(True)
 ROWS = [[1e3, 2.0, 0.02], [1e4, 2.6, 0.05], [1e5, 4.0, 0.08]]
@@ -91,6 +92,14 @@ def test_each_wave_has_the_moduli_of_its_own_frequency(plate: dict[str, Any]) ->
 def test_rows_that_no_material_can_have_are_named(change: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         case(METAL, RESIN | change)
+
+
+def test_frequencies_beyond_the_rows_are_named() -> None:
+    short = RESIN | {"young_GPa_at": ROWS[:2]}
+    log = RecordingLog()
+    found = solve_modes(case(short, short), Request("pillar", near_hz=0.0, count=4), log)
+    assert found.rows[-1].frequency_hz > 1e4
+    assert any("young_GPa_at holds from" in text for text in log.warnings.values())
 
 
 def test_other_questions_say_at_which_frequency_they_take_the_moduli() -> None:
