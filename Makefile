@@ -10,6 +10,7 @@ SIX_TABLE := firmware/generated/six_table.bin
 JOBS ?=
 SHARD ?= 1/1
 STORE ?=
+UNTIL ?=
 EXTRAS ?= fast,firmware,client,dev,tables,uff,docs,release
 .DEFAULT_GOAL := help
 # Two workers; one that has finished takes tests from the end of the other's list, so that a file's tests stay together.
@@ -42,7 +43,7 @@ test: $(READY)  ## run every test not marked slow, with firmware and the band-ga
 	tests=$$?; wait $$types && exit $$tests
 
 slow: $(READY)  ## run the slow proofs, or a share of them: SHARD=k/n; STORE=1 stores their durations
-	@$(SLOW) -m slow --splits $(notdir $(SHARD)) --group $(patsubst %/,%,$(dir $(SHARD)))
+	@SLOW_UNTIL=$(UNTIL) $(SLOW) -m slow --splits $(notdir $(SHARD)) --group $(patsubst %/,%,$(dir $(SHARD)))
 
 durations: $(READY)  ## list the longest slow proofs, from tests/durations.json
 	@$(BIN)/slowest-tests --durations-path tests/durations.json --count 40

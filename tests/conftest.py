@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import time
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any
@@ -18,6 +19,8 @@ LONGEST = """
     test_runner test_lattice test_plan test_search test_tutorials test_hybrid test_bands test_extremes test_resource_estimate
     test_new_and_compare test_line test_travel test_free_blocks test_target_mode test_emulated_board test_column
 """.split()  # noqa: SIM905 five seconds and more, not a line each
+
+UNTIL = float(os.environ.get("SLOW_UNTIL") or "inf")  # make slow UNTIL=: seconds since the epoch
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: their libraries' own threads would wait for each other
     limit_threads(1)
@@ -43,6 +46,13 @@ def pytest_collection_finish() -> None:
     gc.freeze()
     gc.enable()
     gc.set_threshold(20_000, 20, 20)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """No proof is begun after the time that its run has."""
+    if time.time() > UNTIL:
+        pytest.skip("the time of this run was up")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -333,7 +333,7 @@ def _in_plane(case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any],
         axes.set(title=f"Displacement along {name}, from above", ylabel="y (mm)")
     panels[-1].set_xlabel("x (mm)")
     limit = in_plane_limit(arrays, design)
-    label = "displacement of the pillars / maximum u$_z$ in the zone"
+    label = "displacement of the pillars / maximum u$_z$ in the zone (no unit)"
     _bar(figure, panels, label, (-limit, limit), style.SIGNED)
     alt = (
         f"Two maps of the pillars of {case.case_id} from above, coloured by their displacement along x and along y; the "

@@ -74,7 +74,7 @@ SLOW = {
         "other-programs",
         "cluster",
     ),
-    *("search-and-tolerance", "shaped-patches", "start", "notebooks", "own-mesh"),
+    *("search-and-tolerance", "shaped-patches", "start", "notebooks", "own-mesh", "materials"),
 }
 PAGES = [
     pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])

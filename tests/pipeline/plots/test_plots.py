@@ -110,7 +110,7 @@ def test_the_path_is_drawn_to_scale():
 def test_the_moving_plate_states_its_factor_truly(case: StoredCase, by_hand):
     arrays, design = case.arrays(), case.record.design
     drawn = {each.name: each for each in rendering.report_figures(case, arrays)}
-    text = float(drawn["moving_plate"].title.split("drawn ")[1].split(" times")[0].replace("\u202f", ""))
+    text = float(drawn["moving_plate"].title.split("enlarged ")[1].split(" times")[0].replace("\u202f", ""))
     largest = np.abs(arrays["surface_u"][0]).max() / plots_fields.zone_peak(arrays, design) * 1e-6
     limit = rendering.DRAWN_SHARE * design.pillar.height_m
     assert limit / 2.5 < largest * text <= limit  # the largest of 1, 2, 5 that fits
