@@ -26,6 +26,18 @@ SPECTRUM = "young_GPa_at"  # key of an isotropic law that depends on the frequen
 PER_LAYER = 8  # elements of a layer whose shear resonance is sought: then to 1e-5 of it
 QUADRATIC_STIFFNESS = np.array([[7.0, -8.0, 1.0], [-8.0, 16.0, -8.0], [1.0, -8.0, 7.0]])
 QUADRATIC_MASS = np.array([[4.0, 2.0, -1.0], [2.0, 16.0, 2.0], [-1.0, 2.0, 4.0]])
+OTHER_NAMES = {  # trade names and spellings of materials in the library, lower case
+    **dict.fromkeys(("plexiglass", "plexiglas", "perspex", "acrylic", "acrylate"), "pmma"),
+    **dict.fromkeys(("aluminum", "alu", "al"), "aluminium"),
+    **dict.fromkeys(("makrolon", "lexan", "pc"), "polycarbonate"),
+    **dict.fromkeys(("gorilla", "gorilla glass", "dragontrail"), "aluminosilicate"),
+    **dict.fromkeys(("soda-lime", "soda-lime glass", "float glass"), "glass"),
+    **dict.fromkeys(("pyrex", "borofloat"), "borosilicate"),
+    **dict.fromkeys(("pdms", "silicone"), "silicone-rubber"),
+    **dict.fromkeys(("oca", "adhesive"), "optically-clear-adhesive"),
+    **dict.fromkeys(("resin", "sla"), "printing-resin"),
+    **dict.fromkeys(("inox", "stainless steel", "stainless"), "steel"),
+}
 USUAL_C = 20.0  # temperature at which constants hold
 GPA = 1e9
 VACUUM_F_M = 8.8541878128e-12

@@ -58,7 +58,7 @@ def _forecast(case: Case, query: tuple[str, ...]) -> Forecast:
     except InputError as error:
         return Forecast(plan=str(error))
     memory = round(max((demand.memory_bytes for demand in planned.demands.values()), default=0))
-    return Forecast(memory, planned.short())
+    return Forecast(memory, planned.short(), sum(demand.seconds for demand in planned.demands.values()))
 
 
 def conclude(study: StudyFile, folder: Path, all_pictures: bool = False) -> list[Path]:

@@ -24,10 +24,11 @@ Compute = Callable[[dict[str, Any], Path, RunLog], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Forecast:
-    """Resource estimate of a case: peak memory in B, and a plan in a few lines."""
+    """Resource estimate of a case: peak memory in B, a plan in a few lines, and the order of magnitude of its time."""
 
     memory_bytes: int = 0
     plan: str = ""
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True)

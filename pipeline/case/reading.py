@@ -20,7 +20,7 @@ from pydantic.fields import FieldInfo
 from geometry.errors import GeometryError
 from geometry.files import read_by_command
 from geometry.layout import MAX_SECTIONS, Design
-from geometry.materials import LAWS, LIBRARY, MATERIALS, SPECTRUM, USUAL_C, Material
+from geometry.materials import LAWS, LIBRARY, MATERIALS, OTHER_NAMES, SPECTRUM, USUAL_C, Material
 from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline import paths
 from pipeline.case.checks import (
@@ -60,6 +60,10 @@ HIDDEN = {
     "pillar": ("material", "section"),
     "patches": ("glue",),
 }  # keys of tables that are read one by one
+# a number written as text: with a decimal comma, with its unit
+NUMBER = re.compile(r"\s*(?P<number>[+-]?\d{1,12}(?:[.,]\d{1,12})?)\s*(?P<unit>[A-Za-z]{0,6})\s*")
+DECIMAL_COMMA = re.compile(r"\s*[\w.\"-]+\s*=\s*([+-]?\d{1,12}),(\d{1,12})\s*(?:#|$)")
+MAX_LINE = 200  # characters of a line that are searched for a decimal comma
 MAX_LENGTH = 60  # longest value or key that is shown, in characters
 MAX_NAMES = 2000  # largest folder in which a misspelled name is compared
 MAX_LINES = 50  # largest number of faults listed; a file with more is not a case file
@@ -190,6 +194,23 @@ def nearest(word: str, known: Collection[str]) -> str:
     return f" (did you mean {match[0]}?)" if match else ""
 
 
+def known_as(material: str) -> str:
+    """Return ' (did you mean X?)' with the material of this trade name or spelling, or of nearly this name, or ''."""
+    known = OTHER_NAMES.get(material.strip().lower())
+    return f" (did you mean {known}?)" if known else nearest(material, MATERIALS)
+
+
+def _as_number(key: str, value: Any) -> str:
+    """Return ' (did you mean X?)' for a number written as text, with a decimal comma or with its unit; else ''."""
+    found = NUMBER.fullmatch(value) if isinstance(value, str) else None
+    if found is None:
+        return ""
+    number, unit = found["number"].replace(",", "."), found["unit"]
+    if unit and not key.endswith(f"_{unit}"):
+        return " (a number alone: its unit is in the name of the key)" if "_" in key else ""
+    return f" (did you mean {number}?)"
+
+
 def nearest_file(path: Path) -> str:
     """Return ' (did you mean X?)' with the existing file of nearly this name, folder by folder, or ''."""
     there = Path(path.anchor)
@@ -229,7 +250,7 @@ def check_table(
             diagnostics.missing(key, f"must be {allowed}")
         else:
             named = kind == "literal_error" and isinstance(value, str)
-            hint = nearest(str(value), allowed.replace(" or ", ", ").split(", ")) if named else ""
+            hint = nearest(str(value), allowed.replace(" or ", ", ").split(", ")) if named else _as_number(key, value)
             diagnostics.add(key, value, f"must be {allowed}{hint}")
     valid = {
         name: raw[name] if name in raw else field.get_default(call_default_factory=True)
@@ -321,12 +342,20 @@ def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     try:
         parsed = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: not valid TOML: {error}") from None
+        raise InputError(f"{path}: not valid TOML: {error}{_decimal_comma(text, str(error))}") from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not valid TOML: {type(error).__name__} {str(error)[:80]}") from None
     if _is_deeper(parsed):
         raise InputError(f"{path}: {TOO_DEEP}")
     return parsed
+
+
+def _decimal_comma(text: str, fault: str) -> str:
+    """Return ' (did you mean 6.3?)' where the line of a TOML fault sets a key to a number with a decimal comma."""
+    place = re.search(r"at line (\d+)", fault)
+    line = text.splitlines()[int(place[1]) - 1] if place else ""
+    found = DECIMAL_COMMA.match(line[:MAX_LINE])
+    return f" (did you mean {found[1]}.{found[2]}?)" if found else ""
 
 
 def is_file(path: Path) -> bool:
@@ -670,7 +699,7 @@ def _read_material(
         if value in MATERIALS:
             materials[owner] = MATERIALS[value]
         else:
-            diagnostics.add(key, value, f"must be one of {', '.join(MATERIALS)} or a table{nearest(value, MATERIALS)}")
+            diagnostics.add(key, value, f"must be one of {', '.join(MATERIALS)} or a table{known_as(value)}")
     elif isinstance(value, dict):
         before = len(diagnostics.lines)
         check_table(MaterialTable, value, f"{key}.", known, diagnostics)

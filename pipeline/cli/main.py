@@ -27,6 +27,7 @@ GROUPS = ("case", "files", "plan")  # of options that every question has
 # Arguments that name input files: these files are never overwritten.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
 
+SELDOM = ("active", "check-gap", "completion", "schema")  # commands that the first page of help only names
 FAMILIES = {"active": ("compute analogy and control models", "active beam --gain 1e7 --gain 1e8 --out beam")}
 MAX_DIGITS = 40  # characters
 DONE, WRONG_INPUT, NOT_TRUSTED, CHECK_FAILED, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
@@ -195,7 +196,8 @@ def _parser(asked: str | None = None) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="antinode",
         description="Design touch plates that confine vibration: one case file gives modes, gaps, prints and firmware.",
-        epilog="example: antinode modes studies/three-rows.toml --part zone --near 40kHz --count 3",
+        epilog=f"other commands: {', '.join(SELDOM)} (antinode COMMAND --help)\n\n"
+        "example: antinode modes studies/three-rows.toml --part zone --near 40kHz --count 3",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(debug=False)
@@ -248,7 +250,8 @@ def _sub(commands: Any, name: str, text: str, example: str) -> argparse.Argument
         "epilog": f"example: antinode {example}",
         "formatter_class": argparse.RawDescriptionHelpFormatter,
     }
-    sub: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text, **look)
+    about = {} if name in SELDOM else {"help": text}
+    sub: argparse.ArgumentParser = commands.add_parser(name, description=text, **about, **look)
     return sub
 
 

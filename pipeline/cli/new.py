@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 WISHES = {
-    "material": ("aluminium", "material of plate and pillars"),
+    "material": ("aluminium", "material of the plate, and of the pillars unless they have their own"),
+    "pillar_material": ("", "material of the pillars, if it is another one"),
     "frequency": ("32kHz", "frequency of the target mode"),
     "thickness": (2.0, "thickness of the plate, mm"),
     "half_wavelength": (15.0, "largest half-wavelength along the zone, mm"),
@@ -18,7 +19,7 @@ WISHES = {
     "rows": (3, "rows of pillars on each side of the zone"),
     "extension": (25.0, "plate beyond the last row, mm"),
 }
-UNITS = {"material": "NAME", "frequency": "F", "rows": "N"}  # the others are lengths
+UNITS = {"material": "NAME", "pillar_material": "NAME", "frequency": "F", "rows": "N"}  # the others are lengths
 OPTIONS = {  # keys that take the value unchanged
     "plate.thickness_mm": "--thickness",
     "zone.length_mm": "--length",
@@ -27,6 +28,7 @@ OPTIONS = {  # keys that take the value unchanged
     "array.rows": "--rows",
     "array.extension_mm": "--extension",
 }
+BRITTLE = ("glass", "borosilicate", "aluminosilicate", "silicon")  # plates of them carry pillars of another material
 TEMPLATE = Path(__file__).with_name("new_case.toml.template")
 
 
@@ -44,19 +46,25 @@ def run(arguments: Namespace) -> int:
     """Prompt if interactive and nothing was given, size zone and pillars, check the case, and write it."""
     from geometry.materials import MATERIALS
     from pipeline.case.limits import parse_frequency
+    from pipeline.case.reading import known_as
     from pipeline.errors import InputError
+    from pipeline.logs import TerminalLog
     from pipeline.records.outputs import write_file
 
     place = Path(arguments.place)
     if place.exists() and not arguments.force:
         raise InputError(f"{place}: already exists; --force overwrites it")
     wishes = _wishes(arguments)
-    if wishes["material"] not in MATERIALS:
-        raise InputError(f"--material = {wishes['material']}: must be one of {', '.join(MATERIALS)}")
+    for key in ("material", "pillar_material"):
+        if wishes[key] not in MATERIALS and (wishes[key] or key == "material"):
+            near = known_as(wishes[key])
+            raise InputError(f"{option(key)} = {wishes[key]}: must be one of {', '.join(MATERIALS)}{near}")
     frequency_hz = parse_frequency(str(wishes["frequency"]), "--frequency")
     text = case_text(place.stem, wishes, frequency_hz)
     check(text, place, wishes)
     write_file(place, text.encode())
+    if doubt := _brittle(wishes):
+        TerminalLog(arguments.quiet).warning("PILLARS", doubt)
     print(f"wrote {place}; next: antinode predesign {place}, antinode bands {place}, antinode modes {place}")
     return 0
 
@@ -73,7 +81,7 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     from solvers.errors import SolverError
 
     _check_lengths(wishes)
-    material = MATERIALS[wishes["material"]]
+    material, of_pillars = (MATERIALS[wishes[key] or wishes["material"]] for key in ("material", "pillar_material"))
     length, thickness, side = (MM * wishes[key] for key in ("length", "thickness", "side"))
     strip = Strip(length, length / 5.0, Stack.of(thickness, material))
     lines = min_nodal_lines(strip, MM * wishes["half_wavelength"])
@@ -83,12 +91,23 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     try:
         _check_frequency(wishes, frequency_hz, strip, lines)
         width = zone_width_m(strip, lines, frequency_hz)
-        pillar = Pillar("square", side, side, 3.0 * side, material)
+        pillar = Pillar("square", side, side, 3.0 * side, of_pillars)
         height = pillar_height_m(pillar, frequency_hz, "timoshenko")
     except SolverError as error:
         raise InputError(f"--frequency = {wishes['frequency']}: {error}") from error
     sizes = {"width": width / MM, "height": height / MM, "lines": lines, "khz": frequency_hz / KHZ}
-    return TEMPLATE.read_text(encoding="utf-8").format(name=name, **{**wishes, **sizes})
+    own = f'material = "{wishes["pillar_material"]}"\n' if wishes["pillar_material"] else ""
+    return TEMPLATE.read_text(encoding="utf-8").format(name=name, **{**wishes, **sizes, "own_material": own})
+
+
+def _brittle(wishes: dict[str, Any]) -> str | None:
+    """Return a doubt about slender pillars of a material that is neither printed nor machined, or None."""
+    if wishes["pillar_material"] or wishes["material"] not in BRITTLE:
+        return None
+    return (
+        f"the pillars are {wishes['material']}, like the plate: --pillar-material sets a material that can be printed or "
+        "bonded, such as printing-resin or pmma, and sizes them for it"
+    )
 
 
 def _check_lengths(wishes: dict[str, Any]) -> None:

@@ -15,10 +15,14 @@ from pipeline.batch import study_file
 from pipeline.batch.study_file import find_study, load_study
 from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
+from pipeline.planning.resources import in_time
+from pipeline.quantity import several
 
+FEW_CASES, MANY_CASES = 5, 20  # most cases of which a dry run prints every plan; most that it lists
 WORDS = {"explorer.html": "explorer"}  # label of a written file other than report or table
 
 if TYPE_CHECKING:
+    from pipeline.batch.job import Job
     from pipeline.batch.runner import StudyOutcome
 
 
@@ -51,10 +55,7 @@ def run(arguments: Namespace) -> int:
     )
     outcome = runner.run_study(jobs, kind.computer(study), folder, options, Progress(arguments.quiet), study.about)
     if arguments.dry_run:
-        for planned, job in zip(outcome.plan, jobs, strict=True):
-            print(f"{planned.case_id}: {'would run, ' + planned.why if planned.why else 'up to date'}")
-            if job.forecast.plan:
-                print("  " + job.forecast.plan.replace("\n", "\n  "))
+        _print_plan(outcome, jobs, arguments.verbose)
         return 0
     if warning := study_file.remember_place(study.name, study.source, folder):
         print(f"antinode: warning: {warning}", file=sys.stderr)
@@ -67,6 +68,27 @@ def run(arguments: Namespace) -> int:
     for end in outcome.failed:
         print(f"antinode: case {end.case_id} failed: {end.diagnosis}", file=sys.stderr)
     return outcome.exit_code
+
+
+def _print_plan(outcome: StudyOutcome, jobs: Sequence[Job], all_plans: bool) -> None:
+    """Print what each case would do, the plan of a few or of the most demanding one, and the sum of their times."""
+    shown = len(jobs) if all_plans or len(jobs) <= FEW_CASES else 0
+    listed = len(jobs) if shown else MANY_CASES
+    for planned, job in list(zip(outcome.plan, jobs, strict=True))[:listed]:
+        print(f"{planned.case_id}: {'would run, ' + planned.why if planned.why else 'up to date'}")
+        if shown and job.forecast.plan:
+            print("  " + job.forecast.plan.replace("\n", "\n  "))
+    if len(jobs) > listed:
+        print(f"and {len(jobs) - listed} more (--verbose lists every case with its plan)")
+    waiting = [job for planned, job in zip(outcome.plan, jobs, strict=True) if planned.why]
+    if not waiting:
+        return
+    most = max(waiting, key=lambda job: (job.forecast.memory_bytes, job.forecast.seconds))
+    if not shown and most.forecast.plan:
+        print(f"most memory: {most.case_id}\n  " + most.forecast.plan.replace("\n", "\n  "))
+    seconds = sum(job.forecast.seconds for job in waiting)
+    total = f", roughly {in_time(seconds)} in all if computed one after the other" if seconds else ""
+    print(f"{len(waiting)} of {several(len(jobs), 'case')} would run{total}")
 
 
 def _lost(address: str, outcome: StudyOutcome) -> str:

@@ -32,7 +32,9 @@ MAX_SHAPES = 7  # shapes of a plate: the target mode and its neighbours
 DRAWN = 0.4  # largest displacement as first drawn, relative to the pillars' height (the thickness without pillars)
 PERIOD_MS, FRAME_MS = 1600, 40
 KEYS = "space plays and pauses, n shows the next shape, up and down change the amplitude"
-PICTURES, SIZE, STEPS = (".png", ".gif"), (960, 600), 24  # file endings, pixels, and frames per period
+PICTURES, SIZE, STEPS = (".png", ".gif"), (800, 400), 16  # file endings, pixels, and frames per period
+ZOOM, COLOURS = 1.45, 64  # of a drawn plate; in a .gif
+SCALE = {"title": "u_z / largest", "n_labels": 3, "fmt": "%g", "width": 0.3, "position_x": 0.66, "position_y": 0.02}
 NO_DISPLAY_HINT = "`antinode report STUDY` writes a page with animated shapes for a browser"
 
 
@@ -251,6 +253,14 @@ def draw(scene: Scene, place: Path) -> None:
     if fault:
         raise NotAvailable(f"--off-screen: {fault}; {NO_DISPLAY_HINT}")
     first, *others = (Image.fromarray(each) for each in pixels)
+    if others:  # one palette, without dithering: colours do not flicker and the file stays small
+        both = Image.new("RGB", (SIZE[0], 2 * SIZE[1]))  # the two ends of the motion
+        both.paste(first, (0, 0))
+        both.paste(others[STEPS // 2 - 1], (0, SIZE[1]))
+        palette = both.quantize(COLOURS, method=Image.Quantize.FASTOCTREE)
+        first, *others = (
+            each.quantize(COLOURS, palette=palette, dither=Image.Dither.NONE) for each in (first, *others)
+        )
     more: dict[str, Any] = {"save_all": True, "append_images": others, "duration": PERIOD_MS // STEPS, "loop": 0}
     with outputs.delivered(place) as temporary:
         first.save(temporary, place.suffix[1:], **(more if others else {}))
@@ -278,14 +288,15 @@ def _staged(scene: Scene, **window: Any) -> tuple[Any, _Motion | None]:
     motion = None
     if scene.shapes:
         mesh["u_z"] = scene.shapes[0][1][:, 2]
-        plotter.add_mesh(
-            mesh, scalars="u_z", cmap=style.SIGNED, clim=(-1.0, 1.0), scalar_bar_args={"title": "u_z / largest"}
-        )
+        plotter.add_mesh(mesh, scalars="u_z", cmap=style.SIGNED, clim=(-1.0, 1.0), scalar_bar_args=SCALE)
         motion = _Motion(plotter, mesh, scene, "" if window else f"\n{KEYS}")
     else:
         plotter.add_mesh(mesh, color=rendering.PLAIN_COLOUR, show_edges=False)
     plotter.add_axes()  # type: ignore[call-arg]
+    plotter.enable_parallel_projection()  # type: ignore[call-arg]
     plotter.view_vector((1.0, -1.6, 1.3), viewup=(0, 0, 1))  # type: ignore[arg-type]
+    if window:
+        plotter.camera.zoom(ZOOM)
     return plotter, motion
 
 

@@ -17,6 +17,7 @@ from pipeline.logs import Log
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, Request, model_choice_of, model_high_hz
 from pipeline.planning.resources import ResourceEstimate, refuse, shortfall
+from pipeline.quantity import KHZ
 from solvers.analytic.plates import highest_hz, pillar_modes, plate_modes
 from solvers.fem.cost import (
     Cost,
@@ -33,6 +34,7 @@ from solvers.fem.cost import (
 from solvers.machine import workers
 from solvers.superelement.interface import Interface, ReductionSettings
 
+HIGH_HZ = 1e6  # a window above it that does not fit into the memory was probably meant in Hz
 MAX_LINES = 2_000_000  # of a plate's grid: beyond it, lines are counted without being generated
 MANY_FUNCTIONS = 1000  # of one cell or panel: some 300 are common
 DENSE_COPIES = 34  # of a lattice's matrices: nine steps of K and of M, and the work space of one wavevector
@@ -576,6 +578,10 @@ def _meshed_cell(case: Case, choice: ModelChoice, wavevectors: int) -> ResourceE
 def _changes(case: Case, choice: ModelChoice, query: Request) -> tuple[str, ...]:
     """Changes that make the modes of a part cheaper, the most effective first."""
     changes = [_coarser(case)]
+    asked = query.band_hz or ((query.near_hz,) if query.near_hz else ())
+    if asked and min(asked) >= HIGH_HZ:
+        kilohertz = " to ".join(f"{each / KHZ:g}" for each in asked)
+        changes.insert(0, f"divide by 1000 if Hz were meant ({kilohertz} kHz was requested)")
     if choice.model == SOLID and choice.part == "plate":
         changes.insert(0, 'set solve.model = "superelement"')
     if choice.quarter and query.symmetry is None:

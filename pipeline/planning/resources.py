@@ -85,7 +85,7 @@ class ResourceEstimate:
         if self.modes is not None:
             parts.append(f"about {several(round(self.modes), 'mode', _count(round(self.modes)))}")
         early, late = (factor * self.seconds for factor in SECONDS_RANGE)
-        parts.append(f"roughly {_time(self.seconds)} ({_time(early)} to {_time(late)})")
+        parts.append(f"roughly {in_time(self.seconds)} ({in_time(early)} to {in_time(late)})")
         return "estimate: " + "; ".join(parts)
 
     def to_dict(self) -> dict[str, Any]:
@@ -132,7 +132,7 @@ def _count(number: float) -> str:
     return _short(number) if number < 1e3 else f"{float(f'{number:.3g}'):,.0f}".replace(",", " ")
 
 
-def _time(seconds: float) -> str:
+def in_time(seconds: float) -> str:
     """Write a time in the largest unit that gives at least two."""
     unit, name = next(((size, name) for size, name in UNITS if seconds >= 2.0 * size), UNITS[-1])
     return f"{_short(seconds / unit, 2)} {name}"

@@ -37,6 +37,7 @@ Class = Literal["SS", "SA", "AS", "AA"]
 NEEDED = {"plate": ("plate", "zone"), "zone": ("plate", "zone"), "pillar": ("pillar",)}
 BAND = "every mode between two frequencies"
 NEAR = "modes nearest to a frequency"
+PRINTED = 24  # modes in the printed table, around the target mode
 SHAPES = 4  # modes nearest the target mode in a record, which a page draws and animates
 COUNT = "number of modes, nearest to --near or the lowest"
 
@@ -205,7 +206,16 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         from pipeline.planning.refinement import WidestBar
 
         yield f"{self.model}, {self.dof} degrees of freedom, {several(self.rigid_count, 'rigid-body mode')}"
-        yield outputs.reading_table(*self._read(), self._marked)
+        head, rows = self._read()
+        marked = self._marked
+        if len(rows) > PRINTED:
+            centre = marked[0] if marked else 0
+            first = max(0, min(centre - PRINTED // 2, len(rows) - PRINTED))
+            above, below = first, len(rows) - PRINTED - first
+            rows = rows[first : first + PRINTED]
+            marked = [place - first for place in marked if 0 <= place - first < PRINTED]
+            yield f"{several(above, 'mode')} below and {below} above these: --csv and --json list all"
+        yield outputs.reading_table(head, rows, marked)
         if self.widest_bar:
             yield WidestBar(**{name: self.widest_bar[name] for name in ("error", "of", "parts")}).text()
         if self.solved:

@@ -13,8 +13,10 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from PIL import Image
 
 from pipeline import paths
+from pipeline.cli import view
 from pipeline.cli.main import _parser, main
 from pipeline.questions import registered
 from tests.helpers import site_fields
@@ -66,6 +68,17 @@ def test_every_relative_link_leads_to_a_page_or_a_picture_that_the_build_makes(s
         if not (page.parent / link).exists() and (page.parent / link).resolve() not in made
     ]
     assert not wrong
+
+
+def test_the_readme_is_short_begins_with_a_moving_plate_and_leads_somewhere() -> None:
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) <= 120 and len(text.split()) <= 900
+    assert "make study" in text and "make test" in text
+    links = LINK.findall(text)
+    assert [link for link in links if not (ROOT / link).exists()] == []
+    with Image.open(ROOT / links[0]) as film:
+        assert (film.n_frames, film.size) == (view.STEPS, view.SIZE)  # as `antinode view --off-screen` draws it
+    assert (ROOT / links[0]).stat().st_size < 500_000
 
 
 def test_the_gallery_has_a_dozen_examples_whose_commands_are_commands(site: dict[str, ModuleType]) -> None:

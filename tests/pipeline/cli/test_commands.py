@@ -172,7 +172,10 @@ def test_the_console_script_answers(tmp_path: Path) -> None:
         [sys.executable, "-m", "pipeline.cli.main", "--help"], capture_output=True, text=True, cwd=tmp_path
     )
     assert done.returncode == 0
-    assert "modes" in done.stdout
+    assert "    modes " in done.stdout
+    seldom = done.stdout.partition("other commands: ")[2]
+    for name in main.SELDOM:
+        assert f"\n    {name}" not in done.stdout and name in seldom and name in commands()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])

@@ -39,10 +39,25 @@ def test_a_new_case_has_its_zone_and_its_pillars_at_the_frequency(material: str,
     assert pillar_frequencies_hz(design.pillar, "timoshenko", 1)[0] == pytest.approx(30e3, rel=2e-3)
 
 
+def test_pillars_of_glass_are_doubted_and_those_of_a_resin_are_sized_for_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--material", "glass", "--thickness", "0.7", "--frequency", "30kHz"]
+    assert main(["new", str(tmp_path / "glass.toml"), *words]) == 0
+    assert "pillars are glass, like the plate: --pillar-material" in capsys.readouterr().err
+    file = tmp_path / "resin.toml"
+    assert main(["new", str(file), *words, "--pillar-material", "printing-resin"]) == 0
+    assert "pillar-material" not in capsys.readouterr().err
+    pillar = load_case(file).design.pillar
+    assert pillar and pillar.material.name == "printing-resin" and load_case(file).design.material.name == "glass"
+    assert pillar_frequencies_hz(pillar, "timoshenko", 1)[0] == pytest.approx(30e3, rel=2e-3)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (["--material", "cheese"], "must be one of"),
+        (["--pillar-material", "perspex"], "--pillar-material = perspex: must be one of"),
         (["--frequency", "30"], "--frequency"),
         (["--frequency", "1Hz"], "--frequency = 1Hz: must be from 26."),
         (["--frequency", "32MHz"], "--frequency = 32MHz: must be from 26."),

@@ -11,11 +11,13 @@ from pathlib import Path
 import pytest
 
 from geometry.layout import Pillar
+from pipeline.batch import case_study
 from pipeline.batch.study_file import load_study
 from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.case.reading import read_toml
 from pipeline.case.schema import ToleranceTable
 from pipeline.cli.main import main
+from pipeline.cli.study_commands import MANY_CASES
 from pipeline.models import modes
 from pipeline.paths import STUDIES
 from pipeline.planning import mesh_rules, plan, simplifications
@@ -28,6 +30,7 @@ from pipeline.planning.model_choice import (
     of_case,
     response_high_hz,
 )
+from pipeline.planning.resources import in_time
 from pipeline.questions import study as asked
 from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands
@@ -347,12 +350,30 @@ def test_explain_refuses_what_the_command_refuses(
 
 
 def test_a_dry_run_tells_the_plan_of_each_case(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "rows", "--dry-run"]) == 0
+    assert main(["run", "rows", "--dry-run", "--verbose"]) == 0
     text = capsys.readouterr().out
     cases = 1 + len(load_study("rows").cases())  # the unswept one too
     assert text.count("modes of the plate: superelement hex3") == text.count("left out: ") == cases
     assert "the plate and its cell with tetrahedra" in text
     assert text.count("interface polynomials of degree") >= cases <= text.count("fixed-interface modes to")
+
+
+def test_a_long_dry_run_is_cut_and_gives_the_time_of_all_cases(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = tmp_path / "many.toml"
+    head = f'[study]\nname = "many"\ncase = "{CASE}"\nmeasure = ["modes"]\n[sweep]\n'
+    study.write_text(f'{head}"pillar.height_mm" = [{", ".join(f"{6 + n / 100}" for n in range(30))}]\n')
+    assert main(["run", str(study), "--dry-run"]) == 0
+    *cases, last = capsys.readouterr().out.splitlines()
+    assert sum(": would run" in line for line in cases) == MANY_CASES
+    assert f"and {30 - MANY_CASES} more (--verbose lists every case with its plan)" in cases
+    each = load_study(str(study)).cases()
+    assert len(each) == 30 and "30 of 30 cases would run, roughly " in last
+    jobs = case_study.jobs_of(load_study(str(study)), False)
+    assert f"roughly {in_time(sum(job.forecast.seconds for job in jobs))} in all" in last
+    assert min(job.forecast.seconds for job in jobs) > 0.0
+    assert sum("roughly" in line for line in cases) == 1  # the plan of the most demanding case
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.errors import InputError
-from pipeline.questions.modes import Modes, ModesResult
+from pipeline.questions.modes import PRINTED, Modes, ModesResult
 from pipeline.records import record
 from pipeline.records.part import plain
 from pipeline.records.record import Record
@@ -42,6 +42,24 @@ def test_an_option_of_another_kind_is_refused(options: dict[str, Any], said: str
 def test_equal_options_make_equal_questions() -> None:
     one, other = Modes([30.0, 34.0], count=np.int64(3)), Modes((30, 34), count=3, progress=True)  # type: ignore[arg-type]
     assert one == other and hash(one) == hash(other) and one.given()["band_kHz"] == [30.0, 34.0]
+
+
+def test_a_band_in_hz_that_no_memory_holds_is_doubted_and_one_in_khz_is_not(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["modes", SMALL, "--band", "30MHz:34MHz", "--quiet"]) == 2
+    assert "divide by 1000 if Hz were meant (30000 to 34000 kHz was requested)" in capsys.readouterr().err
+    assert main(["modes", SMALL, "--band", "30kHz:34kHz", "--set", "solve.accuracy=1e-7", "--explain"]) in (0, 2)
+    assert "if Hz were meant" not in "".join(capsys.readouterr())
+
+
+def test_a_long_table_is_printed_around_the_target_mode() -> None:
+    listed = [synthetic.mode(30e3 + 100.0 * place) for place in range(60)]
+    _, said, table, *_ = synthetic.modes(synthetic.target(12.0, 34e3, index=40), listed).lines()
+    _, *printed = table.splitlines()
+    assert said == f"28 modes below and {60 - 28 - PRINTED} above these: --csv and --json list all"
+    assert len(printed) == PRINTED and "32.8" in printed[0] and "35.1" in printed[-1]
+    assert [line for line in printed if line.startswith("*")] == [printed[40 - 28]] and "34.0" in printed[40 - 28]
+    _, table, *_ = synthetic.modes(synthetic.NO_MODE, listed[:PRINTED]).lines()
+    assert len(table.splitlines()) == 1 + PRINTED
 
 
 def test_a_plan_of_what_plans_little_has_no_empty_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
