@@ -29,7 +29,7 @@ from pipeline.questions.drift import Drift
 from pipeline.questions.hybrid import Hybrid
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.predesign import Predesign
-from pipeline.questions.question import ask
+from pipeline.questions.question import Pair, ask
 from pipeline.questions.response import MeasuredResponse, Response, SyntheticResponse
 from pipeline.questions.search import Goal, Search, SearchResult
 from pipeline.questions.tolerance import AlikeTolerance, Tolerance
@@ -190,6 +190,7 @@ class Plate(Frozen):
         goal: Goal = "confinement",
         evaluations: int = 16,
         min_frequency_kHz: float = 25.0,
+        target_kHz: Pair | None = None,
         max_half_wavelength_mm: float = 20.0,
         min_feature_mm: float = 0.4,
         mac: float = 0.8,

@@ -169,6 +169,17 @@ def parse_band(text: str, what: str = "band") -> tuple[float, float]:
     return low, high
 
 
+WITHIN = 0.01  # of a requested frequency: how near a target mode has to come
+
+
+def parse_target(text: str, what: str = "target") -> tuple[float, float]:
+    """Parse a band, or a single frequency as the band WITHIN of it, in Hz."""
+    if ":" in text:
+        return parse_band(text, what)
+    middle = parse_frequency(text, what)
+    return middle * (1.0 - WITHIN), middle * (1.0 + WITHIN)
+
+
 def _doubt(material: Material) -> list[str]:
     return [*_implausible(material), *_at_another_temperature(material), *beyond_spectrum(material, material.taken_hz)]
 

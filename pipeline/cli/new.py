@@ -1,16 +1,20 @@
-"""`antinode new`: write a commented case file, sized by pre-design from a few requirements."""
+"""`antinode new`: write a commented case file whose plate, as solved, has its target mode at a requested frequency."""
 
 from __future__ import annotations
 
 import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.case.model import Case
+    from pipeline.logs import Log
 
 WISHES = {
     "material": ("aluminium", "material of the plate, and of the pillars unless they have their own"),
     "pillar_material": ("", "material of the pillars, if it is another one"),
-    "frequency": ("32kHz", "frequency of the target mode"),
+    "target": ("32kHz", "frequency of the target mode, met within 1 %%"),
     "thickness": (2.0, "thickness of the plate, mm"),
     "half_wavelength": (15.0, "largest half-wavelength along the zone, mm"),
     "length": (115.5, "length of the zone, mm"),
@@ -19,7 +23,7 @@ WISHES = {
     "rows": (3, "rows of pillars on each side of the zone"),
     "extension": (25.0, "plate beyond the last row, mm"),
 }
-UNITS = {"material": "NAME", "pillar_material": "NAME", "frequency": "F", "rows": "N"}  # the others are lengths
+UNITS = {"material": "NAME", "pillar_material": "NAME", "target": "F", "rows": "N"}  # the others are lengths
 OPTIONS = {  # keys that take the value unchanged
     "plate.thickness_mm": "--thickness",
     "zone.length_mm": "--length",
@@ -43,7 +47,7 @@ def add_options(new: ArgumentParser) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Prompt if interactive and nothing was given, size zone and pillars, check the case, and write it."""
+    """Prompt if interactive and nothing was given, size zone and pillars, solve, resize, and write the case."""
     from geometry.materials import MATERIALS
     from pipeline.case.limits import parse_frequency
     from pipeline.case.reading import known_as
@@ -59,9 +63,8 @@ def run(arguments: Namespace) -> int:
         if wishes[key] not in MATERIALS and (wishes[key] or key == "material"):
             near = known_as(wishes[key])
             raise InputError(f"{option(key)} = {wishes[key]}: must be one of {', '.join(MATERIALS)}{near}")
-    frequency_hz = parse_frequency(str(wishes["frequency"]), "--frequency")
-    text = case_text(place.stem, wishes, frequency_hz)
-    check(text, place, wishes)
+    target_hz = parse_frequency(str(wishes["target"]), "--target")
+    text = solved_text(place, wishes, target_hz, TerminalLog(arguments.quiet))
     write_file(place, text.encode())
     if doubt := _brittle(wishes):
         TerminalLog(arguments.quiet).warning("PILLARS", doubt)
@@ -69,8 +72,36 @@ def run(arguments: Namespace) -> int:
     return 0
 
 
-def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
-    """Return the case with zone and pillars sized for a frequency. Raises InputError if no zone fits."""
+def solved_text(place: Path, wishes: dict[str, Any], target_hz: float, log: Log) -> str:
+    """Return the case whose target mode, as solved, has a frequency.
+
+    Raises
+    ------
+    InputError
+        If no zone fits, or the case has a fault.
+    SolverError
+        If no zone brings the target mode there.
+    """
+    from pipeline.models.aim import aim
+    from pipeline.quantity import frequency_with_bar, level
+
+    def text(theory_hz: float, solved: str) -> str:
+        return case_text(place.stem, wishes, target_hz, theory_hz, solved)
+
+    def sized(theory_hz: float) -> Case:
+        return check(text(theory_hz, ""), place, wishes)
+
+    found = aim(sized, target_hz, log)
+    row = found.row
+    decibels = "" if row.confinement_db is None else f", {level(row.confinement_db)} above the passive face"
+    return text(found.theory_hz, frequency_with_bar(row.frequency_hz, row.error) + decibels)
+
+
+def case_text(name: str, wishes: dict[str, Any], target_hz: float, theory_hz: float, solved: str) -> str:
+    """Return the case with zone and pillars sized for frequencies by theory. Raises InputError if no zone fits.
+
+    `solved` is the target mode in words, as solved.
+    """
     from geometry.layout import Pillar
     from geometry.materials import MATERIALS, Stack
     from pipeline.case.limits import MAX_NODAL_LINES
@@ -89,15 +120,17 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
         least = wishes["length"] / (MAX_NODAL_LINES - 0.5)
         raise InputError(f"--half-wavelength = {wishes['half_wavelength']:g}: must be at least {least:g} mm")
     try:
-        _check_frequency(wishes, frequency_hz, strip, lines)
-        width = zone_width_m(strip, lines, frequency_hz)
+        _check_frequency(wishes, theory_hz, strip, lines)
+        width = zone_width_m(strip, lines, theory_hz)
         pillar = Pillar("square", side, side, 3.0 * side, of_pillars)
-        height = pillar_height_m(pillar, frequency_hz, "timoshenko")
+        height = pillar_height_m(pillar, theory_hz, "timoshenko")
     except SolverError as error:
-        raise InputError(f"--frequency = {wishes['frequency']}: {error}") from error
-    sizes = {"width": width / MM, "height": height / MM, "lines": lines, "khz": frequency_hz / KHZ}
+        raise InputError(f"--target = {wishes['target']}: {error}") from error
+    sizes = {"width": width / MM, "height": height / MM, "lines": lines, "khz": target_hz / KHZ}
     own = f'material = "{wishes["pillar_material"]}"\n' if wishes["pillar_material"] else ""
-    return TEMPLATE.read_text(encoding="utf-8").format(name=name, **{**wishes, **sizes, "own_material": own})
+    return TEMPLATE.read_text(encoding="utf-8").format(
+        name=name, solved=solved, theory_khz=theory_hz / KHZ, **{**wishes, **sizes, "own_material": own}
+    )
 
 
 def _brittle(wishes: dict[str, Any]) -> str | None:
@@ -133,7 +166,7 @@ def _check_frequency(wishes: dict[str, Any], frequency_hz: float, strip: Any, li
     low, high = (levy_hz(replace(strip, width_m=MM * width), lines) / KHZ for width in (widest, narrowest))
     if not low < frequency_hz / KHZ <= high:
         raise InputError(
-            f"--frequency = {wishes['frequency']}: must be from {low:g}kHz to {high:g}kHz for a zone of "
+            f"--target = {wishes['target']}: must be from {low:g}kHz to {high:g}kHz for a zone of "
             f"{wishes['length']:g} mm with {lines} nodal lines, at least {narrowest:g} mm wide (two pillar sides, "
             "and the plate's thickness)"
         )
@@ -144,15 +177,15 @@ def option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def check(text: str, place: Path, wishes: dict[str, Any]) -> None:
-    """Raise InputError with a line for every fault of the case, named by the option behind the key."""
+def check(text: str, place: Path, wishes: dict[str, Any]) -> Case:
+    """Return the case. Raises InputError with a line for every fault, named by the option behind the key."""
     import tomllib
 
     from pipeline.case.model import case_from_dict
     from pipeline.errors import InputError
 
     try:
-        case_from_dict(tomllib.loads(text), place)
+        return case_from_dict(tomllib.loads(text), place)
     except InputError as error:
         raise InputError(_by_option(line.removeprefix(f"{place}: "), wishes) for line in error.lines) from None
 
@@ -162,7 +195,7 @@ def _by_option(fault: str, wishes: dict[str, Any]) -> str:
     for key, given in OPTIONS.items():
         if fault.startswith(key):
             return fault.replace(key, given, 1)
-    name = "half_wavelength" if fault.startswith("zone.nodal_lines") else "frequency"
+    name = "half_wavelength" if fault.startswith("zone.nodal_lines") else "target"
     return f"{option(name)} = {wishes[name]}: gives {fault}"
 
 

@@ -22,7 +22,18 @@ from pipeline.logs import TerminalLog
 from pipeline.paths import STUDIES
 from pipeline.quantity import KHZ
 from pipeline.questions.late import outputs, simplifications, style
-from pipeline.questions.question import QUESTIONS, VARIANTS, Option, Pair, Question, Run, ask, item_of, kind_of
+from pipeline.questions.question import (
+    ONE_OR_TWO,
+    QUESTIONS,
+    VARIANTS,
+    Option,
+    Pair,
+    Question,
+    Run,
+    ask,
+    item_of,
+    kind_of,
+)
 from pipeline.questions.result import Result
 from pipeline.records.part import DOCUMENT_SCHEMA, sentence
 
@@ -216,7 +227,7 @@ def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, defa
     elif about.unit == "s":
         words |= {"metavar": "T"}
     elif about.unit == "kHz":
-        words |= {"metavar": "F:F" if get_origin(kind) is tuple else "F"}
+        words |= {"metavar": about.metavar or ("F:F" if get_origin(kind) is tuple else "F")}
     elif kind is str:
         words |= {"metavar": about.metavar, "help": about.help}
     else:
@@ -307,10 +318,11 @@ def _given(arguments: argparse.Namespace, kind: Kind, name: str, about: Option) 
 
 
 def _of_text(text: str, kind: Any, about: Option, named: str) -> Any:
-    from pipeline.case.limits import parse_band, parse_frequency, parse_seconds
+    from pipeline.case.limits import parse_band, parse_frequency, parse_seconds, parse_target
 
     if about.unit == "kHz":
-        return parse_frequency(text, named) / KHZ if kind is float else tuple(e / KHZ for e in parse_band(text, named))
+        parse = parse_target if about.metavar == ONE_OR_TWO else parse_band
+        return parse_frequency(text, named) / KHZ if kind is float else tuple(e / KHZ for e in parse(text, named))
     if about.unit == "s":
         return parse_seconds(text, named)
     if kind is not float:

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R", bound=Result)
 Pair = tuple[float, float]
+ONE_OR_TWO = "F[:F]"  # metavar of a window of frequencies that a single one stands for, too
 KINDS: dict[Any, str] = {
     Pair: "two rising numbers",
     int: "a whole number",

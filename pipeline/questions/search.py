@@ -9,7 +9,7 @@ from pipeline.case.limits import MAX_EVALUATIONS
 from pipeline.errors import InputError
 from pipeline.quantity import GRAM, KHZ, MM, frequency, level, level_figure, level_with_bar, signed, with_bar
 from pipeline.questions.late import Axes, Case, Plan, ReportFigure, np, outputs, plans, style
-from pipeline.questions.question import Question, Run, option
+from pipeline.questions.question import ONE_OR_TWO, Pair, Question, Run, option
 from pipeline.questions.result import Result, scaled
 from pipeline.records.part import Part, bar, column, live
 from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, FoundDesign, Limits, Range, unit_of
@@ -279,7 +279,9 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
             if design.frequency_hz is not None and getattr(design, value) is not None:
                 place = design.frequency_hz / KHZ, getattr(design, value)
                 axes.plot(*place, marker, color=colour, mec="white", ms=11, label=name)
-        axes.axvline(self.limits.lowest_hz / KHZ, color=style.GREY, lw=0.8, ls=":")
+        for limit_hz in (self.limits.lowest_hz, self.limits.highest_hz):
+            if limit_hz is not None:
+                axes.axvline(limit_hz / KHZ, color=style.GREY, lw=0.8, ls=":")
         axes.set(xlabel="frequency of the target mode (kHz)", ylabel=self._title, title="Trade-off")
         axes.grid(True)
         axes.legend(fontsize=7)
@@ -333,6 +335,14 @@ class Search(
         help="number of assembled plates, with three columns of cells for each",
     )
     min_frequency_kHz: float = option(default=25.0, unit="kHz", at_least=0.0, help="lowest allowed frequency")
+    target_kHz: Pair | None = option(
+        default=None,
+        unit="kHz",
+        at_least=0.0,
+        metavar=ONE_OR_TWO,
+        help="window of the target mode in the place of a lowest frequency; the command takes a single frequency, "
+        "which the mode meets within 1 %, too",
+    )
     max_half_wavelength_mm: float = option(
         default=20.0,
         unit="mm",
@@ -379,8 +389,10 @@ class Search(
     def _settings(self) -> Settings:
         from pipeline.search.optimiser import Settings
 
+        lowest_kHz, highest_kHz = self.target_kHz or (self.min_frequency_kHz, None)
         limits = Limits(
-            lowest_hz=KHZ * self.min_frequency_kHz,
+            lowest_hz=KHZ * lowest_kHz,
+            highest_hz=None if highest_kHz is None else KHZ * highest_kHz,
             half_wavelength_m=MM * self.max_half_wavelength_mm,
             feature_m=MM * self.min_feature_mm,
             mac=self.mac,

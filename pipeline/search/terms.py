@@ -145,6 +145,7 @@ class Limits(Part):
     """Limits on the target mode, on the printed geometry, and on a driven zone's level relative to the others."""
 
     lowest_hz: float = column("least frequency of the target mode", "Hz", default=25 * KHZ)
+    highest_hz: float | None = column("largest frequency of the target mode; None for no limit", "Hz", default=None)
     half_wavelength_m: float = column("largest half-wavelength along the zone", "m", default=20 * MM)
     feature_m: float = column("smallest feature", "m", default=0.4 * MM)
     mac: float = column("least modal assurance criterion with the target shape", default=0.8)
@@ -184,6 +185,9 @@ class Limits(Part):
         if frequency_hz < self.lowest_hz * (1.0 - slack):
             text = f"{frequency(frequency_hz)}, at least {self.lowest_hz / KHZ:g}"
             violations.append((text, 1.0 - frequency_hz / self.lowest_hz))
+        if self.highest_hz is not None and frequency_hz > self.highest_hz * (1.0 + slack):
+            text = f"{frequency(frequency_hz)}, at most {self.highest_hz / KHZ:g}"
+            violations.append((text, frequency_hz / self.highest_hz - 1.0))
         if mac < self.mac * (1.0 - slack):
             violations.append((f"MAC {figure(mac)} with the target shape, at least {self.mac:g}", 1.0 - mac / self.mac))
         return violations

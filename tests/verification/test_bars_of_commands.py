@@ -32,6 +32,7 @@ EXACT = {
     "AttenuationPoint.frequency_hz": GIVEN,
     "BroadbandPoint.frequency_hz": GIVEN,
     "Limits.isolation_db": GIVEN,
+    "Limits.highest_hz": GIVEN,
     "Limits.lowest_hz": GIVEN,
     "CountRecord.low_hz": GIVEN,
     "CountRecord.high_hz": GIVEN,

@@ -324,6 +324,23 @@ def test_no_limit_is_traded_for_the_goal(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert all(each.frequency_hz >= 34.5e3 for each in result.tradeoff)
 
 
+@pytest.mark.parametrize(("target", "low_hz", "high_hz"), [("31kHz", 30.69e3, 31.31e3), ("34kHz:35kHz", 34e3, 35e3)])
+def test_the_target_mode_is_kept_in_its_window(
+    target: str, low_hz: float, high_hz: float, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Best of the goal among the designs there: the end of the window that is nearer to the top, at 32.8 kHz."""
+    put(monkeypatch, fake)
+    file = tmp_path / "s.json"
+    words = ["--quiet", "--vary", "pillar.height_mm=5:8", "--evaluations", "8", "--json", str(file)]
+    assert run(CASE, *words, "--target", target) == 0
+    found = json.loads(file.read_text())
+    top_hz = 32.8e3
+    nearest = low_hz if low_hz > top_hz else high_hz
+    assert low_hz <= found["best"]["frequency_hz"] <= high_hz
+    assert found["best"]["frequency_hz"] == pytest.approx(nearest, abs=0.15e3)
+    assert (found["limits"]["lowest_hz"], found["limits"]["highest_hz"]) == pytest.approx((low_hz, high_hz))
+
+
 def test_where_nothing_keeps_the_limits_the_closest_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
