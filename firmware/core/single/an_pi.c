@@ -5,8 +5,9 @@
 
 #define AN_TWO_PI 6.2831853f
 #define AN_UPDATE_RATE 6.0f    /* per tau: a memory of tau / 6, in which a released plate covers a sixth of its way */
+#define AN_UNSEEN 2.0f         /* times gains->most: there is no estimate yet */
 #define AN_LOOKAHEAD 2.0f      /* steps from the middle of the data to the end of the next answer */
-#define AN_DRIVE_ERROR 0.05f   /* relative uncertainty of the drive, from its timing and from the gain of the mode */
+#define AN_DRIVE_ERROR 0.02f   /* relative uncertainty of the drive, from its timing and from the gain of the mode */
 #define AN_NOISE_SIGMAS 6.0f   /* a decrease must exceed this many standard deviations */
 #define AN_NEAR_RATIO 0.5f     /* amplitude over reference, or its inverse; farther apart, no finger is lifting */
 #define AN_AMPLITUDE_MIN 0.004f /* of full scale: eight codes */
@@ -131,14 +132,15 @@ static float drive_per_amplitude(an_pi *pi, const an_pi_gains *gains, an_complex
     pi->measured = measured;
     pi->before = pi->drive.re;
     if (!near || measured.re < AN_AMPLITUDE_MIN || middle < AN_NEAR_RATIO * AN_AMPLITUDE_MIN) {
-        pi->seen = gains->most;
+        pi->seen = AN_UNSEEN * gains->most;
         return gains->inverse_gain;
     }
     const float each = 1.0f / middle;
     const float was = smaller(pi->seen, gains->most);
+    const float ahead = pi->seen < AN_UNSEEN * gains->most ? AN_LOOKAHEAD : 1.0f; /* a first fall may be older */
     const float now = was + gains->fresh * (each * (held + AN_DRIVE_ERROR * __builtin_fabsf(drive)) - was);
     pi->seen = smaller(now, gains->most);
-    const float taken = pi->seen - AN_LOOKAHEAD * (was - smaller(was, pi->seen)) + gains->noise * each;
+    const float taken = pi->seen - ahead * (was - smaller(was, pi->seen)) + gains->noise * each;
     const float lighter = smaller(taken, gains->inverse_gain);
     return lighter > gains->lightest ? lighter : gains->lightest;
 }
