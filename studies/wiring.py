@@ -43,7 +43,7 @@ PINS = (
     Pin("PC6", "CN10", 4, None, None, "bridge 4 high"),
     Pin("PA7", "CN10", 15, "D11", None, "bridge 4 low"),
     Pin("PC7", "CN10", 19, "D9", None, "bridge 5 high"),
-    Pin("PB0", "CN7", 34, "A3", None, "bridge 5 low"),
+    Pin("PB0", "CN7", 34, "A3", "amplifier enable", "bridge 5 low"),
     Pin("PC8", "CN10", 2, None, None, "bridge 6 high"),
     Pin("PB1", "CN10", 24, None, None, "bridge 6 low"),
     Pin("PB12", "CN10", 16, None, None, "break, bridges 1 to 3"),
@@ -92,8 +92,11 @@ def drive(drawing: Any, elm: Any) -> None:
     drawing.add(elm.Line().right(1.5))
     pins = [elm.IcPin("in", side="left"), elm.IcPin("out", side="right"), elm.IcPin("enable", side="bottom")]
     amplifier = drawing.add(elm.Ic(pins=pins, size=(3.4, 2.4)).label("amplifier", loc="top").anchor("in"))
-    drawing.add(elm.Resistor().down().at(amplifier.enable).label("10 kΩ", loc="bottom"))
+    enable = drawing.add(elm.Dot().at(amplifier.enable))
+    drawing.add(elm.Resistor().down().at(enable.center).label("10 kΩ", loc="bottom"))
     drawing.add(elm.Ground())
+    drawing.add(elm.Line().left(1.5).at(enable.center))
+    drawing.add(elm.Tag(width=1.8).left().label("PB0"))
     drawing.add(elm.Line().right(1.5).at(amplifier.out))
     drawing.add(elm.Crystal().down().label("driving\npatches", loc="top"))
     drawing.add(elm.Ground())
@@ -108,7 +111,7 @@ def _shunted(drawing: Any, elm: Any, element: Any, label: str) -> None:
 
 
 def bridge(drawing: Any, elm: Any) -> None:
-    """One of six half-bridges with its driver, filter, patch, and the comparator that pulls the break input."""
+    """One of six half-bridges with its driver, filter, patch, and the comparator that holds the break input."""
     driver = _driver(drawing, elm)
     for pin, name in ((driver.high, "bridge high"), (driver.low, "bridge low")):
         drawing.add(elm.Line().left(1.2).at(pin))
@@ -154,8 +157,8 @@ def _overcurrent(drawing: Any, elm: Any, source: Any) -> None:
     drawing.add(elm.Ground())
     drawing.add(elm.Line().right(2).at(shunt.center))
     name = "comparator,\nopen drain"
-    comparator = drawing.add(elm.Opamp(leads=True).anchor("in1").label(name, loc="top", fontsize=9))
-    drawing.add(elm.Line().left(0.4).at(comparator.in2))
+    comparator = drawing.add(elm.Opamp(leads=True).anchor("in2").label(name, loc="top", fontsize=9))
+    drawing.add(elm.Line().left(0.4).at(comparator.in1))
     drawing.add(elm.Vss().label("limit"))
     drawing.add(elm.Line().right(1.5).at(comparator.out))
     pulled = drawing.add(elm.Dot())

@@ -114,11 +114,34 @@ def check_cycles(client: Client, identity: Identity) -> Iterator[Check]:
     yield Check("fast interrupt", 0 < cycles <= period // 2, f"{cycles} cycles, allowed {period // 2} of {period}")
 
 
+def check_break(client: Client, identity: Identity) -> Iterator[Check]:
+    """Check that a break line without its comparator is a fault that cannot be cleared."""
+    with suppress(Refused):
+        client.clear()
+    time.sleep(LOOK_S)
+    result = client.status()
+    yield Check(
+        "break", result.faults == ("break",), f"state {result.state}, faults {', '.join(result.faults) or 'none'}"
+    )
+
+
+def check_held(client: Client, identity: Identity) -> Iterator[Check]:
+    """Check that the board rests without a fault while both break lines are held low."""
+    with suppress(Refused):
+        client.clear()
+    time.sleep(LOOK_S)
+    result = client.status()
+    yield Check("held", result.state == "idle", f"state {result.state}, faults {', '.join(result.faults) or 'none'}")
+
+
 STEPS = {
     "line": Step("USB cable only; amplifier and sensor off", ("single", "six"), check_line),
     "rest": Step("1.65 V on PA0 (A0), from two 1 kOhm resistors to 3.3 V and ground", ("single",), check_rest),
     "loopback": Step("PA4 (A2) to PA0 (A0) through 10 kOhm, 10 kOhm from PA0 to 1.65 V", ("single",), check_loopback),
     "cycles": Step("no change", ("single", "six"), check_cycles),
+    "break1": Step("bridges without supply; PB12 unplugged, PA6 held low by its comparator", ("six",), check_break),
+    "break2": Step("PA6 unplugged, PB12 held low by its comparator", ("six",), check_break),
+    "held": Step("PB12 and PA6 held low by their comparators, bridges without supply", ("six",), check_held),
 }
 
 
@@ -151,7 +174,7 @@ def without_fault(result: SingleStatus | SixStatus, action: str) -> None:
 
 
 def keep_running(client: Client, action: str) -> None:
-    """Print the status ten times per second, which keeps the board running, until it rests.
+    """Print the status ten times per second, which keeps the board running, until it rests for good.
 
     Raises
     ------
@@ -162,7 +185,7 @@ def keep_running(client: Client, action: str) -> None:
         result = client.status()
         measured = figure(abs(result.measured), ".4f")
         print(f"{result.state}  reference {figure(result.reference, '.4f')}  measured {measured}", flush=True)
-        if result.state not in DRIVING:
+        if result.state not in DRIVING and not result.retries:
             client.drives = False
             return without_fault(result, action)
         time.sleep(LOOK_S)

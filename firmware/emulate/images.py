@@ -25,9 +25,12 @@ from firmware.protocol import RUN
 
 TIM2, ADC_SR, ADC_DR, DAC_RD = 0x40000000, 0x40012000, 0x4001204C, 0x40007420
 OVERRUN = 1 << 5
+GPIOB_MODER, GPIOB_ODR = 0x40020400, 0x40020414
 
 TIM1, TIM8 = 0x40010000, 0x40010400
 CR1, DIER, SR, ARR, CCR1, BDTR = 0x00, 0x0C, 0x10, 0x2C, 0x34, 0x44
+BREAK_ENABLED, BREAK_HIGH = 1 << 12, 1 << 13
+BREAK_PULLS = {TIM1: (0x4002040C, 24), TIM8: (0x4002000C, 12)}  # PUPDR of PB12 and of PA6, first bit
 BREAK_LINES = {TIM1: 24, TIM8: 43}
 BREAK_HANDLERS = {TIM1: "TIM1_BRK_TIM9_IRQHandler", TIM8: "TIM8_BRK_TIM12_IRQHandler"}
 DMA_FLAGS, DMA_CLEAR = 0x40026400, 0x40026408  # DMA2
@@ -56,6 +59,11 @@ class EmulatedSingle(EmulatedBoard):
     def sense(self) -> float:
         """Return the signal at the converter; a test may substitute a failed sensor."""
         return self.plate.sense()
+
+    @property
+    def enabled(self) -> bool:
+        """True while PB0, an output, enables the amplifier."""
+        return self.word(GPIOB_MODER).value & 3 == 1 and bool(self.word(GPIOB_ODR).value & 1)
 
     @property
     def at_rest(self) -> bool:
@@ -121,18 +129,20 @@ class EmulatedSix(SixView, EmulatedBoard):
 
     FAST_HANDLER = "DMA2_Stream0_IRQHandler"
     BUILD = "an_six_build"
-    WORLD = ("beam", "pulled")
+    WORLD = ("beam", "pulled", "unwired")
 
     def __init__(self, image: Path, beam: Beam | Structure, seed: int = 1, **options: Any) -> None:
         self.beam = BeamSimulation(beam, seed)
         self.history: list[list[int]] | None = None
-        self.pulled = dict.fromkeys(BREAK_LINES, 0)
+        self.pulled = dict.fromkeys(BREAK_LINES, 0)  # ticks for which a comparator lets its line go
+        self.unwired = dict.fromkeys(BREAK_LINES, False)  # break lines without a comparator
         self.stalls: list[bool] = []  # while the flash memory is busy: bridges driving
         super().__init__(image, beam.sample_rate_hz, Chip(**options))
         ffi, _ = load()
         self.app = ffi.cast("an_six *", self.pointer("app"))
         self.compare = [self.word(timer + CCR1 + 4 * i) for timer in (TIM1, TIM8) for i in range(3)]
         self.gates = [self.word(timer + BDTR) for timer in (TIM1, TIM8)]
+        self.pull_ups = {timer: self.word(address) for timer, (address, _) in BREAK_PULLS.items()}
         self.timer, self.top = self.word(TIM1 + CR1), self.word(TIM1 + ARR)
         self.stream = [self.word(at) for at in (SCAN_LEFT, DMA_FLAGS, DMA_CLEAR, SCAN_MEMORY)]
         self.samples = [2048] * CHANNELS  # last scan
@@ -152,27 +162,32 @@ class EmulatedSix(SixView, EmulatedBoard):
         return self.call("an_six_start", self.symbol("app"), pattern, reference) & 0xFF == 1
 
     def pull_break(self, timer: int = TIM1, ticks: int = 1) -> None:
-        """Assert a break line, as the power stage does at overcurrent; the timer opens its gates at once.
+        """Let a break line go, as the power stage's comparator does at overcurrent; the timer opens its gates at once.
 
-        The line stays asserted for the given ticks, during which the flag cannot be cleared and the gates cannot be
-        closed.
+        The line stays high for the given ticks, during which the flag cannot be cleared and the gates cannot be
+        closed. A comparator holds it low while all is well; without one, only a pull-up makes it high.
         """
         self.pulled[timer] = ticks
         self._serve_breaks()
 
     def _serve_breaks(self) -> None:
-        for timer, line in BREAK_LINES.items():
-            if self.pulled[timer] > 0:
-                self.word(timer + BDTR).value &= ~GATES
+        for (timer, line), gate in zip(BREAK_LINES.items(), self.gates, strict=True):
+            if gate.value & BREAK_ENABLED and self._is_high(timer) == bool(gate.value & BREAK_HIGH):
+                gate.value &= ~GATES
                 self.word(timer + SR).value |= BREAK_SEEN
             seen = self.word(timer + SR).value & self.word(timer + DIER).value & BREAK_SEEN
             if seen and self.is_enabled(line):
                 self.interrupt(self.symbol(BREAK_HANDLERS[timer]))
 
+    def _is_high(self, timer: int) -> bool:
+        """Level of a break line: its comparator's, or without one, that of the chip's pull-up."""
+        pulled_up = self.pull_ups[timer].value >> BREAK_PULLS[timer][1] & 3 == 1
+        return pulled_up if self.unwired[timer] else self.pulled[timer] > 0
+
     def tick(self) -> None:
         super().tick()
+        self._serve_breaks()
         if any(self.pulled.values()):
-            self._serve_breaks()
             self.pulled = {timer: max(left - 1, 0) for timer, left in self.pulled.items()}
 
     def _stall(self, seconds: float) -> None:

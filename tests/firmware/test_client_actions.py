@@ -337,7 +337,7 @@ class Bench(FakePort):
     def reply(self, request: Message) -> Message:
         if request.kind == Kind.CLEAR and self.state != FAULT:
             return Message(request.kind | 0x80, request.sequence, bytes([Result.NOT_NOW]))
-        if request.kind == Kind.CLEAR:
+        if request.kind == Kind.CLEAR and not self.wrong.get("open"):
             self.state, self.faults = IDLE, 0
         if request.kind == Kind.IDENTIFY:
             self.state, self.sweeping_from = IDENTIFY, self.clock.now
@@ -409,6 +409,20 @@ def test_one_step_alone_and_the_other_build(bench, capsys) -> None:
     assert bench("cycles", cycles=400) == (4, ["cycles: fast interrupt: 400 cycles, allowed 360 of 720"])
     assert bench("line", build=6) == (0, [])
     assert bench("rest", build=6)[0] == 4
+
+
+@pytest.mark.parametrize("step", ["break1", "break2"])
+def test_a_break_line_without_its_comparator_must_be_a_fault(bench, monkeypatch, step: str) -> None:
+    """Clearing does not help while the line is open: the bench asserts it again."""
+    assert bench(step, build=6, faults=Fault.BREAK, open=True) == (0, [])
+    code, failed = bench(step, build=6, faults=Fault.BREAK)
+    assert code == 4 and failed == [f"{step}: break: state idle, faults none"]
+    assert bench(step)[0] == 4  # not a step of the one-mode build
+
+
+def test_held_break_lines_must_let_the_board_rest(bench) -> None:
+    assert bench("held", build=6, faults=Fault.BREAK) == (0, [])
+    assert bench("held", build=6, faults=Fault.BREAK, open=True) == (4, ["held: held: state fault, faults break"])
 
 
 def test_a_board_that_does_not_clear_fails_the_rest(monkeypatch: pytest.MonkeyPatch, capsys) -> None:

@@ -68,6 +68,35 @@ def test_the_guard_looks_behind_the_fast_interrupt(make_single) -> None:
     assert 216 + 220 < first % 720 < 620
 
 
+def test_the_amplifier_is_enabled_while_the_board_drives_alone(make_single) -> None:
+    """Not at rest, not after a stop, and within a window of a fault; the pin is an output from the start."""
+    board = make_single()
+    board.run(2e-3)
+    assert not board.enabled and board.word(0x40020400).value & 3 == 1
+    assert board.start(0.1)
+    board.run(5e-3)
+    assert board.state == RUN and board.enabled
+    board.call("an_application_stop", board.symbol("app"))
+    board.run(1e-3)
+    assert board.state == IDLE and not board.enabled
+    assert board.start(0.1)
+    board.run(5e-3)
+    board.app.fast.faults |= Fault.NOT_FINITE
+    board.run(2 * PERIOD)
+    assert board.state == FAULT and not board.enabled
+    board.run(2e-3)
+    assert not board.enabled and board.clear()
+
+
+def test_the_amplifier_is_disabled_though_the_main_loop_hangs(make_single) -> None:
+    board = running(make_single)
+    assert board.enabled
+    board.main_stuck = True
+    board.sense = lambda: 2.0
+    board.run(2 * PERIOD)
+    assert board.state == RUN and board.app.fast.faults and not board.enabled
+
+
 @pytest.mark.slow
 def test_unidentified_mode_is_swept_and_then_held_at_the_lowest_useful_level(make_single, core) -> None:
     """And the whole sweep, its fits included, is on this machine what it is on the Cortex-M4, bit for bit."""

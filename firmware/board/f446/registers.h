@@ -128,7 +128,7 @@ REGISTER_AT(gpio_regs, LCKR, 0x1c);
 REGISTER_AT(gpio_regs, AFRL, 0x20);
 REGISTER_AT(gpio_regs, AFRH, 0x24);
 
-enum { GPIO_MODE_ALTERNATE = 2, GPIO_MODE_ANALOG = 3, GPIO_PULL_UP = 1 };
+enum { GPIO_MODE_OUTPUT = 1, GPIO_MODE_ALTERNATE = 2, GPIO_MODE_ANALOG = 3, GPIO_PULL_UP = 1 };
 
 typedef struct {
     reg CR1, CR2, SMCR, DIER, SR, EGR, CCMR1, CCMR2, CCER, CNT, PSC, ARR, RCR, CCR1, CCR2, CCR3, CCR4, BDTR;
@@ -172,6 +172,7 @@ enum {
     TIM_BDTR_OSSI = 1 << 10,
     TIM_BDTR_OSSR = 1 << 11,
     TIM_BDTR_BKE = 1 << 12,
+    TIM_BDTR_BKP = 1 << 13, /* break input active high */
     TIM_BDTR_MOE = 1 << 15
 };
 

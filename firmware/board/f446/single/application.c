@@ -50,6 +50,9 @@ void PendSV_Handler(void)
 {
     const uint32_t begin = DWT->CYCCNT;
     an_single_slow(&app);
+    if (app.slow.hand.trips != 0u) {
+        converters_enable(false);
+    }
     note_cycles(&slow_cycles, begin);
 }
 
@@ -83,9 +86,12 @@ void application_revive(void)
     converters_revive();
 }
 
-/* The DAC follows its code, so there is no gate to open or close. */
+/* Enable the amplifier while a job drives. Interrupts are disabled, so that no fault can occur in between. */
 void application_serve_outputs(void)
 {
+    __asm volatile("cpsid i" ::: "memory");
+    converters_enable(an_supervisor_drives(&app.base.supervisor) && (app.fast.faults | app.slow.hand.trips) == 0u);
+    __asm volatile("cpsie i" ::: "memory");
 }
 
 void application_trip(uint32_t fault)

@@ -2,19 +2,27 @@
 
 #include "board.h"
 
-enum { TICKS = 360 };
+enum { TICKS = 360, ENABLE = 1 << 0 };
 
 static const uint32_t triggered = DAC_CR_TEN | DAC_CR_TEN << DAC_CR_CHANNEL2_POS;
+
+void converters_enable(bool on)
+{
+    GPIOB->ODR = on ? ENABLE : 0u; /* port B has no other output in this build */
+}
 
 void board_outputs_safe(void)
 {
     converters_drive(CONVERTERS_MIDDLE);
+    converters_enable(false);
 }
 
 static void pins_analog(void)
 {
     const uint32_t analog = GPIO_MODE_ANALOG;
     GPIOA->MODER |= analog << 0 | analog << 8 | analog << 10; /* PA0 sensor, PA4 drive, PA5 inverted drive */
+    converters_enable(false);
+    GPIOB->MODER |= (uint32_t)GPIO_MODE_OUTPUT << 0; /* PB0 amplifier enable */
 }
 
 static void dac_init(void)
@@ -63,7 +71,7 @@ void converters_stop(void)
 {
     TIM2->CR1 = 0u;
     DAC->CR &= ~triggered;
-    converters_drive(CONVERTERS_MIDDLE);
+    board_outputs_safe();
 }
 
 void converters_revive(void)

@@ -42,4 +42,7 @@ static inline void converters_drive(uint32_t code)
     DAC->DHR12RD = code | (2u * CONVERTERS_MIDDLE - code) << 16;
 }
 
+/* Enable the amplifier (PB0 high), from any context; board_outputs_safe disables it. */
+void converters_enable(bool on);
+
 #endif

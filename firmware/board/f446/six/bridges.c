@@ -50,8 +50,9 @@ static void timer_init(tim_regs *timer)
     timer->CCR3 = BRIDGES_TOP / 2;
     timer->CCR4 = BRIDGES_TOP - SCAN_LEAD;
     timer->CCER = THREE_PAIRS;
-    /* Break input active low, gates closed by software only; dead time and polarities are locked. */
-    timer->BDTR = DEAD_TIME | TIM_BDTR_OSSI | TIM_BDTR_OSSR | TIM_BDTR_BKE | TIM_BDTR_LOCK_2;
+    /* Break input active high, so that a broken wire asserts it, too. The gates are closed by software only; dead time
+     * and polarities are locked. */
+    timer->BDTR = DEAD_TIME | TIM_BDTR_OSSI | TIM_BDTR_OSSR | TIM_BDTR_BKE | TIM_BDTR_BKP | TIM_BDTR_LOCK_2;
     timer->EGR = TIM_EGR_UG;
     timer->SR = 0u;
 }
