@@ -16,7 +16,7 @@ FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the first COBS code and t
 REPLY = 0x80
 LOG_RECORDS = 0xC0
 BAUD = 921600
-PROTOCOL = 3  # version
+PROTOCOL = 4  # version
 
 
 class ProtocolError(ValueError):
@@ -134,7 +134,7 @@ U1 = Annotated[int, "u1"]
 U4 = Annotated[int, "<u4"]
 F4 = Annotated[float, "<f4"]
 C8 = Annotated[complex, "<c8"]
-IDENTIFIED, LIMITED = 1, 8  # flags of a status
+IDENTIFIED, LIMITED, RETRIES, EASED = 1, 8, 16, 32  # flags of a status
 
 
 # The classes below have the layout of the replies, member by member, in SI units; amplitudes are fractions of full
@@ -181,16 +181,32 @@ class Status:
         """True if the drive is at its limit and the plate does not reach the reference."""
         return bool(self.flags & LIMITED)
 
+    @property
+    def retries(self) -> bool:
+        """True in the fault state if the board will clear the fault and try again by itself."""
+        return bool(self.flags & RETRIES)
+
+    @property
+    def eased(self) -> bool:
+        """True if the drive is limited to half after ten seconds at its limit."""
+        return bool(self.flags & EASED)
+
 
 @dataclass(frozen=True)
 class SingleStatus(Status):
-    """Status of the single-mode build; while it runs, frequency, tau and gain are the tracked ones."""
+    """Status of the single-mode build; while it runs, frequency, tau and gain are the tracked ones.
+
+    motion is the largest response in the last sweep of the resonance (0: the board has not measured it), misfit the rms
+    deviation of the fitted resonance relative to the response.
+    """
 
     detuning_hz: F4
     tau_s: F4
     gain: C8
     delay_s: F4
     neighbour: F4
+    motion: F4
+    misfit: F4
     reference: F4
     measured: C8
     drive: C8

@@ -342,6 +342,10 @@ def describe(status: SingleStatus | SixStatus) -> str:
     faults = f", faults: {', '.join(status.faults)}" if status.faults else ""
     if len(status.faults) > len(status.first) > 0:
         faults += f" (first {', '.join(status.first)})"
+    if status.retries:
+        faults += ", tries again"
+    if status.eased:
+        faults += ", drive limited to half after a long time at its limit"
     if status.limited:
         faults += ", drive at its limit, reference not reached"
     lines = _six_lines(status) if isinstance(status, SixStatus) else _single_lines(status)
@@ -397,10 +401,15 @@ def _single_lines(status: SingleStatus) -> list[str]:
     return [
         f"mode {figure(status.frequency_hz, '.3f')} Hz, tau {figure(status.tau_s * 1e3, '.4g')} ms, gain {gain}, "
         f"delay {figure(status.delay_s * 1e6, '.3g')} us, neighbours up to {figure(status.neighbour, '.3g')}",
+        *([_sweep(status)] if status.motion else []),
         f"reference {figure(status.reference, '.4g')}, measured {figure(abs(status.measured), '.4g')}, "
         f"drive {figure(abs(status.drive), '.4g')}, offset {figure(status.offset, '.3g')} of full scale",
         f"worst fast interrupt {status.worst_cycles} cycles of 720",
     ]
+
+
+def _sweep(status: SingleStatus) -> str:
+    return f"measured at up to {figure(status.motion, '.3g')} of full scale, misfit {figure(100.0 * status.misfit, '.2g')} %"
 
 
 def _six_lines(status: SixStatus) -> list[str]:

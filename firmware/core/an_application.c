@@ -1,7 +1,10 @@
 #include "an_application.h"
 
 #include "an_bytes.h"
+#include "an_clear.h"
 #include "an_faults.h"
+
+#define AN_FULL_DRIVE_S 10.0f
 
 enum { HASH_AT = 32, HASH_BYTES = 16 };
 
@@ -11,6 +14,10 @@ void an_application_boot(an_application *app, float sample_rate_hz, uint32_t fau
     app->worst_cycles = 0u;
     app->slot = 0u;
     app->chosen++;
+    app->looked = 0u;
+    app->full_s = 0.0f;
+    app->eased = false;
+    an_clear(&app->retry, sizeof app->retry);
     an_texture_init(&app->texture);
     an_supervisor_boot(&app->supervisor, faults);
 }
@@ -51,6 +58,7 @@ bool an_application_is_measured(an_application *app, const an_build *build)
 
 void an_application_stop(an_application *app)
 {
+    an_retry_cancel(&app->retry);
     an_supervisor_stop(&app->supervisor);
 }
 
@@ -73,12 +81,41 @@ static void rest(an_application *app, const an_build *build)
     an_texture_end_stream(&app->texture);
 }
 
+/* Bound the time at full drive: after AN_FULL_DRIVE_S the drive is limited to AN_EASED for as long. */
+static void limit_full_drive(an_application *app, const an_moment *now)
+{
+    const float passed_s = (float)(now->window - app->looked) / now->window_hz;
+    app->looked = now->window;
+    const float full_s = app->full_s + (now->limited && !app->eased ? passed_s : -passed_s);
+    app->full_s = full_s > 0.0f ? full_s : 0.0f;
+    app->eased = app->full_s >= AN_FULL_DRIVE_S || (app->eased && app->full_s > 0.0f);
+}
+
+/* Start the last job again; its host has stayed in contact. */
+static void start_again(an_application *app, const an_build *build)
+{
+    const bool host_drives = app->retry.host_drives;
+    const bool started = app->retry.measure_only ? an_application_identify(app, build) : build->restart(app);
+    app->supervisor.host_drives = started && host_drives;
+}
+
+static void serve_retry(an_application *app, const an_build *build, an_retry_order order)
+{
+    if (order == AN_RETRY_CLEAR) {
+        an_application_clear(app, build);
+    } else if (order == AN_RETRY_START) {
+        start_again(app, build);
+    }
+}
+
 void an_application_poll(an_application *app, const an_build *build)
 {
     const an_moment now = build->moment(app);
     if (!now.vacant) {
         return;
     }
+    limit_full_drive(app, &now);
+    const an_retry_order order = an_retry_decide(&app->retry, &app->supervisor, now.window, 1.0f / now.window_hz);
     switch (an_supervisor_decide(&app->supervisor, now.job, now.faults, now.window, 1.0f / now.window_hz)) {
     case AN_ACT_REST:
         rest(app, build);
@@ -93,6 +130,7 @@ void an_application_poll(an_application *app, const an_build *build)
     if (app->supervisor.state == AN_STATE_RUN) {
         build->follow(app);
     }
+    serve_retry(app, build, order);
 }
 
 static void keep(const an_application *app, const an_build *build, uint8_t *memory, an_keeping *keeping)
@@ -147,6 +185,12 @@ static uint8_t *put_identity(const an_application *app, const an_build *build, u
         at = an_put8(at, known ? table->data[HASH_AT + i] : 0u);
     }
     return at;
+}
+
+uint32_t an_application_flags(const an_application *app, bool limited)
+{
+    return (limited ? (uint32_t)AN_STATUS_LIMITED : 0u) | (app->retry.waits ? (uint32_t)AN_STATUS_RETRIES : 0u) |
+           (app->eased ? (uint32_t)AN_STATUS_EASED : 0u);
 }
 
 uint8_t *an_application_put_counts(const an_application *app, uint32_t window, uint8_t *at)
@@ -208,8 +252,9 @@ static an_result check_table(const an_application *app, const an_build *build, c
                              an_message *reply)
 {
     const an_table_result found = build->accepts(staged, app->sample_rate_hz);
-    return found == AN_TABLE_OK ? result_of(!an_supervisor_drives(&app->supervisor))
-                                : an_protocol_refuse(reply, found);
+    const uint32_t faults = app->supervisor.faults | build->moment(app).faults;
+    const bool writable = !an_supervisor_drives(&app->supervisor) && (faults & AN_FAULT_SUPPLY) == 0u;
+    return found == AN_TABLE_OK ? result_of(writable) : an_protocol_refuse(reply, found);
 }
 
 /* Check the payload length of a request. Samples come in any number; each build checks its own requests. */

@@ -8,6 +8,7 @@
 #include "an_handover.h"
 #include "an_keep.h"
 #include "an_protocol.h"
+#include "an_retry.h"
 #include "an_supervisor.h"
 #include "an_table.h"
 #include "an_texture.h"
@@ -17,6 +18,10 @@
 typedef struct {
     an_supervisor supervisor;
     an_texture texture;
+    an_retry retry;
+    uint32_t looked; /* window of the last main-loop pass */
+    float full_s;    /* time at full drive, minus the time below it, at least 0 */
+    bool eased;      /* full drive has lasted too long: the drive is limited to AN_EASED of its limit */
     uint32_t worst_cycles; /* longest fast interrupt so far; written by the board */
     uint32_t slot;         /* selected set of measured values: 0, or the index of the shape */
     uint32_t chosen;       /* number of selections so far */
@@ -24,12 +29,15 @@ typedef struct {
     float sample_rate_hz;
 } an_application;
 
+#define AN_EASED 0.5f /* of the drive limit, and a quarter of its power */
+
 enum { AN_SLOTS = 2 };
 _Static_assert((int)AN_SLOTS >= (int)AN_TABLE_SHAPES, "each shape has its slot");
 
 /* Snapshot of the interrupts' progress, taken by the main loop. */
 typedef struct {
     bool vacant;     /* the last posted job is active, so another may be prepared */
+    bool limited;    /* the closed loop drives at its limit */
     an_job_kind job; /* active job */
     uint32_t faults; /* found by the interrupts */
     uint32_t window; /* number of the current window */
@@ -55,6 +63,7 @@ typedef struct an_build {
     void (*begin_identify)(an_application *app);
     void (*identify)(an_application *app); /* next step of the measurement */
     void (*follow)(an_application *app);   /* supervise the closed loop */
+    bool (*restart)(an_application *app); /* start again as last requested; false unless idle */
     void (*set_reference)(an_application *app, float reference);
     uint8_t *(*put_status)(const an_application *app, uint8_t *at);
     uint8_t *(*put_values)(const an_application *app, uint8_t *at); /* write the measured values (AN_KEEP_VALUES_MAX) */
@@ -91,6 +100,9 @@ bool an_application_clear(an_application *app, const an_build *build);
 /* Handle a host request passed on by an_link. */
 an_result an_application_handle_request(an_application *app, const an_build *build, const an_message *request,
                                         const an_table *staged, an_message *reply);
+
+/* Flags of a status common to both builds. */
+uint32_t an_application_flags(const an_application *app, bool limited);
 
 /* Write the faults and counts common to every status reply. */
 uint8_t *an_application_put_counts(const an_application *app, uint32_t window, uint8_t *at);

@@ -37,10 +37,11 @@ typedef enum {
     AN_STORE_FAILED
 } an_result;
 
-/* Flag in the fourth byte of a status: the drive is at its limit and the plate does not reach the reference. */
-enum { AN_STATUS_LIMITED = 8 };
+/* Flags in the fourth byte of a status: the drive is at its limit and the plate does not reach the reference; a fault
+ * that will be cleared for another try; the drive is limited to half after a long time at its limit. */
+enum { AN_STATUS_LIMITED = 8, AN_STATUS_RETRIES = 16, AN_STATUS_EASED = 32 };
 
-enum { AN_PROTOCOL = 3, AN_LOG_FLOATS = 5, AN_LOG_PER_FRAME = 4 };
+enum { AN_PROTOCOL = 4, AN_LOG_FLOATS = 5, AN_LOG_PER_FRAME = 4 };
 
 /* Reply to AN_HEALTH: 32-bit words in this order. Exception, pc, lr and cfsr describe the last unexpected exception;
  * they are zero if there has been none since power-on. */

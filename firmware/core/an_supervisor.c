@@ -81,7 +81,7 @@ void an_supervisor_clear(an_supervisor *supervisor)
     supervisor->cleared++;
 }
 
-static bool host_is_silent(const an_supervisor *supervisor, uint32_t window, float window_s)
+bool an_supervisor_host_is_silent(const an_supervisor *supervisor, uint32_t window, float window_s)
 {
     return supervisor->host_drives && (float)(window - supervisor->heard) * window_s > AN_SILENCE_S;
 }
@@ -115,7 +115,7 @@ an_action an_supervisor_decide(an_supervisor *supervisor, an_job_kind kind, uint
     if (!an_supervisor_drives(supervisor)) {
         return AN_ACT_NONE;
     }
-    if (host_is_silent(supervisor, window, window_s)) {
+    if (an_supervisor_host_is_silent(supervisor, window, window_s)) {
         an_supervisor_fail(supervisor, AN_FAULT_HOST_SILENT);
         return AN_ACT_REST;
     }

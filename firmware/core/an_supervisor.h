@@ -48,6 +48,9 @@ void an_supervisor_begin(an_supervisor *supervisor, an_state state);
 /* Require the host to stay in contact from now on. */
 void an_supervisor_bind_host(an_supervisor *supervisor, uint32_t window);
 
+/* True if a host started the job and has been silent for too long. */
+bool an_supervisor_host_is_silent(const an_supervisor *supervisor, uint32_t window, float window_s);
+
 /* Request a return to rest. */
 void an_supervisor_stop(an_supervisor *supervisor);
 

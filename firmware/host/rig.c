@@ -49,6 +49,21 @@ static double sense(rig_single *rig)
     return rig->last_sensed;
 }
 
+static double motion(const rig_plate *plate)
+{
+    return hypot(plate->state[0][0], plate->state[0][1]) * hypot(plate->residue[0][0], plate->residue[0][1]);
+}
+
+/* Turn the state of the first mode back, in proportion to its amplitude. */
+static void soften(rig_plate *plate)
+{
+    const double angle = -plate->softening * motion(plate);
+    const double re = plate->state[0][0];
+    const double im = plate->state[0][1];
+    plate->state[0][0] = re * cos(angle) - im * sin(angle);
+    plate->state[0][1] = re * sin(angle) + im * cos(angle);
+}
+
 static void drive(rig_plate *plate, double level)
 {
     const uint32_t last = plate->whole + 1u;
@@ -66,6 +81,9 @@ static void drive(rig_plate *plate, double level)
                 turned + plate->fresh[i][part] * plate->line[1] + plate->stale[i][part] * plate->line[0];
         }
     }
+    if (plate->softening != 0.0) {
+        soften(plate);
+    }
 }
 
 static uint32_t adc_code(double level)
@@ -74,10 +92,15 @@ static uint32_t adc_code(double level)
     return code < 0.0 ? 0u : code > 4095.0 ? 4095u : (uint32_t)code;
 }
 
+static double amplify(const rig_plate *plate, double level)
+{
+    return plate->swing > 0.0 ? fmax(-plate->swing, fmin(level, plate->swing)) : level;
+}
+
 bool rig_tick(rig_single *rig)
 {
     const uint32_t sample = adc_code(sense(rig));
-    drive(&rig->plate, ((double)rig->code - 2048.0) / 2047.0);
+    drive(&rig->plate, amplify(&rig->plate, ((double)rig->code - 2048.0) / 2047.0));
     rig->code = an_fast_tick(&rig->app.fast, sample);
     const bool ended = rig->app.fast.tick == 0u;
     if (ended) {
@@ -89,11 +112,6 @@ bool rig_tick(rig_single *rig)
     }
     an_application_poll(&rig->app.base, &an_single_build);
     return ended;
-}
-
-static double motion(const rig_plate *plate)
-{
-    return hypot(plate->state[0][0], plate->state[0][1]) * hypot(plate->residue[0][0], plate->residue[0][1]);
 }
 
 /* Amplitude of the drive at the last sample, relative to the table's limit. */

@@ -26,6 +26,8 @@ typedef struct {
     double offset;
     double noise;
     double sensitivity; /* of the sensor, 1: nominal */
+    double swing;       /* level at which the amplifier clips, 0: never */
+    double softening;   /* of the first mode: decrease of its phase per sample, rad, times its amplitude */
     rig_sensor sensor;
     uint64_t random;
 } rig_plate;

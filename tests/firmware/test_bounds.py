@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -35,6 +37,38 @@ def compiler(request, tmp_path_factory: pytest.TempPathFactory):
 @pytest.mark.parametrize(("variant", "routine"), [(v, name) for v, names in ALLOWED.items() for name in names])
 def test_no_path_is_longer_than_allowed(compiler: dict[str, Path], variant: str, routine: str) -> None:
     assert image.bound(compiler[variant], routine) <= ALLOWED[variant][routine]
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "bring-up.md"
+COLUMNS = {"zig": 1, "arm-none-eabi-gcc": 2}
+
+
+def published(row: str, column: int) -> list[int]:
+    """The numbers in a column of a row of the page's table."""
+    (cells,) = (
+        [cell.strip() for cell in line.split("|")[1:-1]] for line in PAGE.read_text().splitlines() if row in line
+    )
+    return [int(number.replace(" ", "")) for number in cells[column].split(",")]
+
+
+def test_the_page_has_these_figures(compiler, request) -> None:
+    """Sizes within a percent and paths within two instructions, for the versions in the table's head."""
+    name = request.node.callspec.params["compiler"]
+    (head,) = [line for line in PAGE.read_text().splitlines() if line.startswith("| longest path, size |")]
+    version = head.split("|")[1 + COLUMNS[name]].split()[1]
+    if not version_of(name).startswith(version):
+        pytest.skip(f"the page's figures are those of {name} {version}")
+    paths = [image.bound(compiler[variant], routine) for variant, names in ALLOWED.items() for routine in names]
+    shown = [*published("| fast tick, slow step", COLUMNS[name]), *published("| six-channel tick", COLUMNS[name])]
+    assert paths == pytest.approx(shown, abs=2)
+    sizes = [builder.sizes(image.Elf.read(compiler[variant])) for variant in builder.VARIANTS]
+    for row, own in zip(("| flash, single", "| RAM, single"), zip(*sizes, strict=True), strict=True):
+        assert published(row, COLUMNS[name]) == pytest.approx(own, rel=0.01)
+
+
+def version_of(name: str) -> str:
+    command = [sys.executable, "-m", "ziglang", "version"] if name == "zig" else [name, "-dumpfullversion"]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def test_a_loop_has_no_bound(compiler: dict[str, Path]) -> None:

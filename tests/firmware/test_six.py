@@ -21,7 +21,7 @@ from firmware.injection import (
     sensor_kinds,
 )
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
-from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault, Kind
+from firmware.protocol import FAULT, IDENTIFY, IDLE, PROTOCOL, RUN, Fault, Kind
 
 TIM1, TIM8 = 0x40010000, 0x40010400
 BEAM = Beam(noise=1e-3)
@@ -248,6 +248,20 @@ def test_a_broken_sensor_rests_all_outputs(hosted, change, faults: int) -> None:
     assert list(board.duties) == [board.middle] * 6
 
 
+def test_a_plate_that_moves_again_is_driven_again(hosted) -> None:
+    """A second after the fault, at the same pattern and level; nobody clears it."""
+    board = running(hosted)
+    pattern, reference = board.app.pattern, board.app.target_reference
+    broken(board, 4, lambda level: 0.0)
+    assert board.run_while(RUN, 3.0) < 3.0 and board.faults == Fault.MISMATCH
+    vars(board).pop("sense")
+    board.run(0.9)
+    assert board.state == FAULT and list(board.duties) == [board.middle] * 6
+    board.run(0.3)
+    assert board.state == RUN and board.faults == 0
+    assert (board.app.pattern, board.app.target_reference) == (pattern, reference)
+
+
 @pytest.mark.parametrize("reference", [0.004, 0.03])
 @pytest.mark.parametrize("channel", [0, 3, 5])
 def test_a_dead_sensor_is_noticed_however_little_is_target(hosted, reference: float, channel: int) -> None:
@@ -282,6 +296,24 @@ def pressed(structure, share: float):
 def warmed(structure, share: float):
     """By 10 K of aluminium: 0.24 % of each frequency."""
     return dataclasses.replace(structure, angular=structure.angular * (1.0 - 0.0024 * share))
+
+
+@pytest.mark.parametrize("lift_s", [2e-3, 50e-3])
+def test_no_lift_overshoots_by_more_than_a_fifth(hosted, lift_s: float) -> None:
+    """At the largest reference; the integrals have adapted to the finger before."""
+    board = hosted(table(matrix=seen_matrix()), BEAM)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 0, 1.0)
+    board.run(0.2)
+    become(board, pressed(BEAM.structure, 1.0))
+    board.run(0.5)
+    assert np.abs(board.measured).max() == pytest.approx(board.app.slow.reference, rel=0.05)
+    peak = 0.0
+    for i in range(1, 81):
+        become(board, pressed(BEAM.structure, max(1.0 - i * 1e-3 / lift_s, 0.0)))
+        board.run(1e-3)
+        peak = max(peak, np.abs(board.measured).max())
+    assert board.state == RUN and peak < 1.2 * board.app.slow.reference
 
 
 @pytest.mark.slow
@@ -378,7 +410,7 @@ def test_timers_make_40_khz_with_dead_time_and_trigger_the_scan(make_six) -> Non
         assert board.word(timer + 0x30).value == 1
         assert board.word(timer + 0x20).value == 0x555  # three pairs
         assert 100e-9 < (board.word(timer + 0x44).value & 0x7F) / 180e6 < 1e-6
-        assert board.word(timer + 0x44).value >> 12 & 1 and not board.word(timer + 0x44).value >> 14 & 1
+        assert board.word(timer + 0x44).value >> 12 & 3 == 3 and not board.word(timer + 0x44).value >> 14 & 1
     assert board.word(0x40010404).value >> 4 & 7 == 7  # TIM8's fourth channel goes out as the trigger
     lead_s = (board.word(0x4001042C).value - board.word(0x40010440).value) / 180e6
     assert lead_s == pytest.approx(6 * 1.2e-6 / 2, rel=1e-3)  # so that the counter's end is the middle of the scan
@@ -404,7 +436,7 @@ def test_pattern_over_the_line_on_the_emulated_board(make_six, core) -> None:
 
     board = make_six(table(matrix=seen_matrix()))
     client = Client(EmulatedPort(board))
-    assert client.request(Kind.IDENTITY, parsed=bytes)[:4] == bytes([3, 6, 1, 1])
+    assert client.request(Kind.IDENTITY, parsed=bytes)[:4] == bytes([PROTOCOL, 6, 1, 1])
     client.request(Kind.START, struct.pack("<If", 1, 0.15))
     for _ in range(2):
         board.run(0.2)
@@ -463,6 +495,22 @@ def test_a_line_that_stays_pulled_cannot_be_cleared(make_six) -> None:
     assert board.clear()
     board.run(5e-3)
     assert board.state == FAULT and board.faults == Fault.BREAK and board.at_rest
+
+
+@pytest.mark.parametrize("timer", [TIM1, TIM8])
+def test_a_broken_wire_is_a_break(make_six, timer: int) -> None:
+    """Nothing holds the line low any more; once it is held again, the fault can be cleared."""
+    board = driving(make_six)
+    board.unwired[timer] = True
+    board.tick()
+    assert board.at_rest
+    board.run(5e-3)
+    assert board.state == FAULT and board.faults == Fault.BREAK
+    board.unwired[timer] = False
+    board.run(5e-3)
+    assert board.at_rest and board.clear()
+    board.run(5e-3)
+    assert board.state == IDLE
 
 
 def driving(make_six):

@@ -350,6 +350,37 @@ def test_the_search_covers_four_percent(make, quality_factor: float, away: float
     assert rig.app.mode.tau_s == pytest.approx(own.tau_s, rel=5e-3)
 
 
+@pytest.mark.parametrize("half_bandwidths", [-1.0, -0.4, 0.4, 1.0])
+@pytest.mark.parametrize("quality_factor", [100.0, 300.0])
+def test_a_resonance_that_shifts_with_the_amplitude_is_measured(
+    make, quality_factor: float, half_bandwidths: float
+) -> None:
+    """In proportion to it, as PZT softens: at the sweep's peak by up to one half-bandwidth, then at a quarter of that."""
+    rig, half_hz = make(quality_factor, table=guessed(quality_factor)), 0.5 * TRUE / quality_factor
+    sweep = 0.4 * 0.9  # of full scale
+    rig.rig.plate.softening = 2.0 * math.pi * half_bandwidths * half_hz / 250e3 / sweep
+    identified(rig, 10.0)
+    ident = rig.app.ident
+    assert rig.state == RUN, hex(rig.faults)
+    assert ident.repeats == 1 and 0.15 * sweep < ident.motion < 0.35 * sweep and 0.001 < ident.misfit < 0.02
+    away = (rig.app.mode.frequency_hz - TRUE) / half_hz / half_bandwidths
+    assert -0.5 < away < -0.1  # between the two ends of the lower sweep
+    assert rig.app.mode.tau_s == pytest.approx(tau_of(quality_factor), rel=0.03)
+    assert abs(complex(rig.app.mode.gain.re, rig.app.mode.gain.im)) == pytest.approx(0.8 * DROOP, rel=0.03)
+    rig.set_reference(0.3)
+    rig.run(0.3)
+    assert rig.state == RUN and np.abs(rig.windows(0.05)["measured"]).mean() == pytest.approx(0.3, rel=0.01)
+
+
+def test_an_amplifier_that_clips_is_measured_where_it_does_not(make) -> None:
+    """At 0.15 of full scale: less than a quarter of what the sweep drives with, so that it is repeated twice."""
+    rig = make(table=guessed(300.0))
+    rig.rig.plate.swing = 0.15
+    assert identified(rig, 10.0) > 2.0 * 0.15
+    assert rig.state == RUN and rig.app.ident.repeats == 2
+    assert abs(complex(rig.app.mode.gain.re, rig.app.mode.gain.im)) == pytest.approx(0.8 * DROOP, rel=5e-3)
+
+
 @pytest.mark.parametrize("quality_factor", [300.0, 1000.0])
 def test_a_sensor_that_is_dead_before_the_start_is_never_driven_hard(make, quality_factor: float) -> None:
     rig = make(table=guessed(quality_factor))
@@ -380,3 +411,91 @@ def test_identify_alone_measures_and_rests(make) -> None:
     rig.run_while(IDENTIFY, 4.0)
     assert rig.state == IDLE and rig.rig.code == 2048
     assert abs(complex(rig.app.mode.gain.re, rig.app.mode.gain.im)) == pytest.approx(0.8 * DROOP, rel=5e-3)
+
+
+def held_fast(rig, first: Plate) -> None:
+    """A hand that damps the plate a hundred times as much."""
+    rig.touch(0.01, 0.0, first)
+
+
+def test_a_heavy_hand_is_no_fault_that_stays(make) -> None:
+    """The board rests, tries again from rest, and holds the amplitude as soon as the hand has left; nobody clears it."""
+    rig = make()
+    first = rig.plate
+    assert rig.start(0.1)
+    rig.run(0.1)
+    held_fast(rig, first)
+    assert rig.run_while(RUN, 0.1) < 0.1 and rig.faults == Fault.MISMATCH
+    rig.run(1e-3)
+    assert rig.rig.code == 2048
+    rig.run(1.5)
+    assert rig.app.base.retry.used == 1 and rig.state == FAULT
+    rig.set_plate(first)
+    assert rig.run_while(FAULT, 2.5) < 2.5
+    rig.run(0.1)
+    assert rig.state == RUN and np.abs(rig.windows(0.05)["measured"]).mean() == pytest.approx(0.1, rel=0.01)
+    rig.run(2.1)
+    assert rig.app.base.retry.used == 0
+
+
+def test_a_hand_during_the_sweep_is_no_fault_that_stays(make) -> None:
+    rig = make(table=guessed(300.0))
+    first = rig.plate
+    held_fast(rig, first)
+    identified(rig, 10.0)
+    assert rig.state == FAULT and rig.faults == Fault.IDENTIFY
+    rig.set_plate(first)
+    assert rig.run_while(FAULT, 1.5) < 1.5
+    rig.run_while(IDENTIFY, 10.0)
+    assert rig.state == RUN and rig.app.mode.tau_s == pytest.approx(tau_of(300.0), rel=5e-3)
+
+
+def test_a_lost_sensor_is_tried_three_times(make) -> None:
+    rig = make()
+    assert rig.start(0.1)
+    rig.run(0.1)
+    rig.rig.plate.sensor = rig.lib.RIG_DEAD
+    driven = [rig.windows(10e-3)["state"] for _ in range(1500)]
+    states = np.concatenate(driven)
+    assert np.count_nonzero(np.diff((states == RUN).astype(int)) == 1) == 3  # 1, 2 and 4 s later
+    assert (states == RUN).sum() * 0.2e-3 < 0.1
+    assert rig.state == FAULT and rig.faults == Fault.MISMATCH and not rig.app.base.retry.waits
+    assert rig.clear()
+
+
+@pytest.mark.parametrize("end", ["stop", "clear", "other fault"])
+def test_whoever_stops_a_job_stops_its_retries(make, end: str) -> None:
+    rig = make()
+    assert rig.start(0.1)
+    rig.run(0.1)
+    rig.rig.plate.sensor = rig.lib.RIG_DEAD
+    rig.run(0.1)
+    rig.rig.plate.sensor = rig.lib.RIG_SOUND
+    assert rig.state == FAULT and rig.app.base.retry.waits
+    if end == "stop":
+        rig.stop()
+    elif end == "clear":
+        assert rig.clear()
+    else:
+        rig.app.fast.faults |= Fault.SUPPLY
+    assert (rig.windows(8.0)["state"] != RUN).all()
+    assert rig.state == (IDLE if end == "clear" else FAULT)
+
+
+def test_full_drive_lasts_ten_seconds_at_most(make) -> None:
+    """Under a finger that takes more than there is; then as long at half of it, which is a quarter of the power."""
+    rig = make()
+    first, limit = rig.plate, rig.app.mode.drive_limit
+    assert rig.start(0.3 * 0.8 * DROOP)
+    rig.run(0.1)
+    ramp(rig, first, 1.0 / 12.0, 0.0, on=True)
+    drives = np.abs(rig.windows(45.0)["drive"]) / limit
+    full = drives > 0.9
+    edges = np.flatnonzero(np.diff(full.astype(int)))
+    assert rig.state == RUN and drives.max() <= 1.0 + 1e-6
+    assert np.diff(edges) * 0.2e-3 == pytest.approx(10.0, abs=0.05) and len(edges) == 4
+    assert drives[edges[0] + 100 : edges[1] - 100] == pytest.approx(0.5, abs=0.01)
+    ramp(rig, first, 1.0 / 12.0, 0.0, on=False)
+    rig.run(11.0)
+    assert rig.state == RUN and not rig.app.base.eased
+    assert np.abs(rig.windows(0.05)["measured"]).mean() == pytest.approx(0.3 * 0.8 * DROOP, rel=0.01)

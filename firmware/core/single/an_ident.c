@@ -29,6 +29,11 @@
 #define AN_SURVEY_SPAN_HZ 1500.0f
 #define AN_SURVEY_LEVEL 0.25f /* of the fine sweep's level: a neighbouring mode may respond more strongly */
 #define AN_MISFIT_MAX 0.03f
+#define AN_MISFIT_LINEAR 0.006f /* a larger misfit is worth one more sweep at a lower level */
+#define AN_GAIN_LINEAR 0.9f /* of the coarse sweep's gain: a smaller one is measured again at a lower level */
+#define AN_REPEAT_LEVEL 0.25f /* of the level before */
+#define AN_REPEAT_MIN 0.01f   /* of full scale: smallest peak of a repeated sweep */
+#define AN_SURVEY_NOISE 6.0f  /* times the variance: the largest of 255 responses to noise alone */
 #define AN_TWO_PI 6.2831853f
 
 enum { COARSE_AVERAGE = 4, FINE_AVERAGE = 8, SURVEY_AVERAGE = 4, SURVEY_POINTS_MAX = 255, ROUNDS_MAX = 5 };
@@ -71,8 +76,9 @@ static void begin_survey(an_ident *ident)
     const float half_points = span_hz / spacing_hz + 1.0f;
     const float points_max = 0.5f * (float)(SURVEY_POINTS_MAX - 1);
     ident->stage = AN_IDENT_SURVEY;
-    ident->level *= AN_SURVEY_LEVEL;
+    ident->level *= ident->repeats == 0u ? AN_SURVEY_LEVEL : 1.0f; /* otherwise the resonance would shift again */
     ident->neighbour = 0.0f;
+    ident->noise2 = 0.0f;
     ident->points = 2u * (uint32_t)(half_points < points_max ? half_points : points_max) + 1u;
     ident->span_hz = spacing_hz * 0.5f * (float)(ident->points - 1u);
     ident->index = 0u;
@@ -84,6 +90,8 @@ void an_ident_init(an_ident *ident, const an_mode *guess, bool senses_displaceme
     ident->sample_rate_hz = sample_rate_hz;
     ident->quarter_turns = senses_displacement ? 1u : 0u;
     ident->rounds = 0u;
+    ident->repeats = 0u;
+    ident->motion = 0.0f;
     ident->misfit = 0.0f;
     ident->neighbour = 0.0f;
     ident->centre = an_dds_step(guess->frequency_hz, sample_rate_hz);
@@ -223,6 +231,7 @@ static void answer_coarse(an_ident *ident, an_complex measured, float noise2)
     ident->last_size[ident->index % 2u] = size;
     ident->index++;
     if (ident->index % 2u == 1u && has_found_peak(ident)) {
+        ident->coarse_gain = ident->best_size / ident->level;
         ident->centre = step_of(ident, ident->best);
         raise(ident);
     } else if (ident->index >= ident->points) {
@@ -291,15 +300,48 @@ static float undamped_offset(const an_ident *ident, const an_resonance *fit)
     return fit->offset_hz + 0.5f * rate_hz * rate_hz / an_dds_frequency(ident->centre, ident->sample_rate_hz);
 }
 
+static float largest_response(const an_ident *ident)
+{
+    float largest = 0.0f;
+    for (uint32_t i = 0u; i < ident->points; i++) {
+        largest = larger(largest, an_abs(ident->response[i]));
+    }
+    return largest * ident->level;
+}
+
+/* Sweep again at a lower level, unless the response would come too close to noise. */
+static bool repeat_fine(an_ident *ident)
+{
+    if (ident->repeats >= AN_IDENT_REPEATS || !(AN_REPEAT_LEVEL * ident->motion > AN_REPEAT_MIN)) {
+        return false;
+    }
+    ident->repeats++;
+    ident->rounds = 0u;
+    ident->level *= AN_REPEAT_LEVEL;
+    begin_fine(ident);
+    return true;
+}
+
+static bool is_nonlinear(const an_ident *ident)
+{
+    const bool bent = ident->misfit > AN_MISFIT_LINEAR && ident->repeats == 0u;
+    return bent || an_abs(ident->mode.gain) < AN_GAIN_LINEAR * ident->coarse_gain;
+}
+
 static void end_fine(an_ident *ident)
 {
     an_resonance fit;
     const float planned_tau_s = ident->mode.tau_s;
+    const float planned_delay_s = ident->mode.delay_s;
     const float planned_width_hz = bandwidth_hz(&ident->mode);
+    ident->motion = largest_response(ident);
     ident->rounds++;
     if (!fit_without_delay(ident, &fit) || !(fit.misfit < AN_MISFIT_MAX) || ident->rounds > ROUNDS_MAX ||
         !(fit.tau_s < AN_TAU_RATIO * ident->guess_tau_s && AN_TAU_RATIO * fit.tau_s > ident->guess_tau_s)) {
-        ident->stage = AN_IDENT_FAILED;
+        ident->mode.delay_s = planned_delay_s;
+        if (!repeat_fine(ident)) {
+            ident->stage = AN_IDENT_FAILED;
+        }
         return;
     }
     const float away = fit.offset_hz < 0.0f ? -fit.offset_hz : fit.offset_hz;
@@ -309,10 +351,10 @@ static void end_fine(an_ident *ident)
     ident->mode.tau_s = fit.tau_s;
     ident->mode.gain = fit.gain;
     ident->misfit = fit.misfit;
-    if (away < 0.4f * planned_width_hz && longer > 0.8f && longer < 1.25f) {
-        begin_survey(ident);
-    } else {
+    if (!(away < 0.4f * planned_width_hz && longer > 0.8f && longer < 1.25f)) {
         begin_fine(ident);
+    } else if (!(is_nonlinear(ident) && repeat_fine(ident))) {
+        begin_survey(ident);
     }
 }
 
@@ -329,15 +371,18 @@ static void answer_fine(an_ident *ident, an_complex measured)
     }
 }
 
-static void answer_survey(an_ident *ident, an_complex measured)
+/* Take the part of a response that neither the target mode nor noise explains. */
+static void answer_survey(an_ident *ident, an_complex measured, float noise2)
 {
     const an_complex response = an_scale(measured, 1.0f / ident->level);
     const float slope = AN_TWO_PI * offset_hz(ident, ident->index) * ident->mode.tau_s;
     const an_complex own = an_div(ident->mode.gain, an_cplx(1.0f, slope));
     const an_complex late = an_conj(lead_of(ident, ident->index, ident->mode.delay_s));
-    const float residual = an_abs(an_sub(response, an_mul(own, late)));
-    ident->neighbour = residual > ident->neighbour ? residual : ident->neighbour;
+    ident->noise2 += noise2;
     ident->index++;
+    const float noise = AN_SURVEY_NOISE * ident->noise2 / ((float)ident->index * ident->level * ident->level);
+    const float residual2 = an_abs2(an_sub(response, an_mul(own, late))) - noise;
+    ident->neighbour = larger(ident->neighbour, residual2 > 0.0f ? __builtin_sqrtf(residual2) : 0.0f);
     if (ident->index >= ident->points) {
         ident->stage = AN_IDENT_DONE;
     }
@@ -357,6 +402,6 @@ void an_ident_answer(an_ident *ident, an_complex measured, float noise2)
     } else if (ident->stage == AN_IDENT_FINE) {
         answer_fine(ident, measured);
     } else if (ident->stage == AN_IDENT_SURVEY) {
-        answer_survey(ident, measured);
+        answer_survey(ident, measured, noise2);
     }
 }

@@ -4,6 +4,9 @@
  * above the noise and above the median response. While only noise is seen, the drive stays below a sixth of its limit.
  * At the peak, the level is raised in steps, and the response must rise in proportion. A resonance is fitted to a fine
  * sweep around the peak; the sweep is repeated until frequency and time constant agree with those it was planned for.
+ * If no resonance fits, because the plate's resonance shifts with its amplitude, or if the gain is clearly below that of
+ * the coarse sweep, because the amplifier clips, the sweep is repeated at a quarter of the level, at most
+ * AN_IDENT_REPEATS times.
  * Finally, a survey of the neighbouring frequencies finds the strongest response that the target mode does not explain,
  * which limits the loop gain. Identification runs in the main loop and requests one steady-state measurement at a time.
  */
@@ -23,7 +26,7 @@ typedef enum {
     AN_IDENT_FAILED
 } an_ident_stage;
 
-enum { AN_IDENT_BINS = 48 };
+enum { AN_IDENT_BINS = 48, AN_IDENT_REPEATS = 2 };
 
 /* One measurement: drive at a constant level and phase step, wait for the response to settle, then average. */
 typedef struct {
@@ -51,8 +54,11 @@ typedef struct {
     uint32_t best;
     float best_size;
     float last_size[2]; /* coarse: outermost responses below and above the guess */
-    float noise2; /* coarse: variance of a mean due to noise, summed over the points */
+    float noise2; /* coarse and survey: variance of a mean due to noise, summed over the points */
     uint16_t sizes[AN_IDENT_BINS]; /* coarse: histogram of responses in half octaves */
+    float coarse_gain; /* largest response of the coarse sweep over its drive */
+    uint32_t repeats; /* fine sweeps at a lower level so far */
+    float motion;     /* largest response in the last fine sweep, fraction of full scale */
     float misfit;
     float neighbour; /* largest response not due to the target mode, sensor over drive */
     an_complex response[AN_RESONANCE_POINTS];

@@ -13,13 +13,14 @@
 #define AN_LEAVING_S 0.2e-3f     /* likewise, when leaving the drive limit */
 #define AN_NEIGHBOUR_LOOP 0.5f   /* largest loop gain through any other mode, whatever its phase */
 #define AN_NO_BOUND 1e9f
+#define AN_NO_REFERENCE 1e-6f /* of full scale: far below noise */
 #define AN_USEFUL 0.2f           /* of G Vmax: highest level that is still approached at full speed */
 #define AN_REFERENCE_MAX 0.9f    /* of the amplitude limit */
 #define AN_RETUNE_HZ 0.5f        /* smaller shifts of the resonance do not need new gains */
 #define AN_RETUNE_SHARE 0.03f    /* nor do smaller relative changes of tau */
 #define AN_DETUNING_MAX_HZ 500.0f
 
-enum { BUILD_NUMBER = 1, VALUES_BYTES = 24 };
+enum { BUILD_NUMBER = 1, VALUES_BYTES = 32 };
 
 static const uint32_t all_measured = AN_GAIN_IDENTIFIED | AN_TAU_IDENTIFIED | AN_FREQUENCY_IDENTIFIED;
 
@@ -113,6 +114,8 @@ static bool post_track(an_single *app)
     const an_pi_spec spec = spec_of(app);
     an_track_mode(&app->track, &app->mode, &app->now);
     an_pi_plan(&job->gains, &app->now, step, app->detuning_hz, &spec);
+    app->eased = app->base.eased;
+    job->gains.drive_limit *= app->eased ? AN_EASED : 1.0f;
     an_watch_prepare(&job->watch, &app->mode, job->gains.lead, step, app->base.sample_rate_hz);
     an_handover_post(&app->slow.hand);
     return true;
@@ -161,6 +164,8 @@ void an_single_boot(an_single *app, const uint8_t *table, uint32_t length, float
     app->centre = an_dds_step(0.125f * sample_rate_hz, sample_rate_hz);
     app->mode.amplitude_limit = 1.0f;
     app->neighbour = 0.0f;
+    app->ident.motion = 0.0f;
+    app->ident.misfit = 0.0f;
     an_track_forget(&app->track);
     const bool accepted = an_table_open(&app->table, table, length) == AN_TABLE_OK &&
                           accepts(&app->table, sample_rate_hz) == AN_TABLE_OK;
@@ -306,7 +311,7 @@ static void follow(an_application *base)
     const an_track_result found = an_track_read(&app->track, app->slow.notes, written);
     if (found == AN_TRACK_LOST) {
         fail(app, AN_FAULT_MISMATCH);
-    } else if (found == AN_TRACK_FOLLOWS && is_worth_new_gains(app)) {
+    } else if (app->eased != app->base.eased || (found == AN_TRACK_FOLLOWS && is_worth_new_gains(app))) {
         post_track(app);
     }
 }
@@ -361,6 +366,7 @@ static an_moment moment(const an_application *base)
         .vacant = an_handover_vacant(&app->slow.hand),
         .job = app->slow.jobs[app->slow.hand.active & 1u].kind,
         .faults = app->fast.faults | app->slow.hand.trips,
+        .limited = an_single_is_limited(app),
         .window = app->fast.window.count,
         .window_hz = 1.0f / period_s(app),
     };
@@ -382,9 +388,18 @@ static void trip(an_application *base, uint32_t faults)
     an_handover_trip(&((an_single *)base)->fast.faults, faults);
 }
 
+static bool restart(an_application *base)
+{
+    an_single *app = (an_single *)base;
+    return an_single_start(app, app->target_reference, app->detuning_hz);
+}
+
+/* A retry returns to this reference; 0 would select the lowest useful level. */
 static void set_reference(an_application *base, float reference)
 {
-    an_single_set_reference((an_single *)base, reference);
+    an_single *app = (an_single *)base;
+    app->target_reference = reference > 0.0f ? reference : AN_NO_REFERENCE;
+    an_single_set_reference(app, reference);
 }
 
 static uint8_t *put_values(const an_application *base, uint8_t *at)
@@ -394,7 +409,9 @@ static uint8_t *put_values(const an_application *base, uint8_t *at)
     at = an_put_float(at, app->mode.tau_s);
     at = an_put_complex(at, app->mode.gain);
     at = an_put_float(at, app->mode.delay_s);
-    return an_put_float(at, app->neighbour);
+    at = an_put_float(at, app->neighbour);
+    at = an_put_float(at, app->ident.motion);
+    return an_put_float(at, app->ident.misfit);
 }
 
 static bool take_values(an_application *base, const uint8_t *values, uint32_t length)
@@ -409,6 +426,8 @@ static bool take_values(an_application *base, const uint8_t *values, uint32_t le
     app->mode.gain = an_get_complex(values + 8);
     app->mode.delay_s = an_get_float(values + 16);
     app->neighbour = an_get_float(values + 20);
+    app->ident.motion = an_get_float(values + 24);
+    app->ident.misfit = an_get_float(values + 28);
     app->mode_flags |= all_measured;
     return true;
 }
@@ -424,6 +443,7 @@ const an_build an_single_build = {
     .begin_identify = begin_identify,
     .identify = identify,
     .follow = follow,
+    .restart = restart,
     .set_reference = set_reference,
     .put_status = an_single_put_status,
     .put_values = put_values,

@@ -31,6 +31,7 @@ typedef struct {
     float target_reference; /* 0: the lowest useful level */
     float detuning_hz;
     float followed_reference; /* at the last update of the tracking */
+    bool eased;               /* the active gains are those of an eased drive */
     float neighbour; /* largest known response not due to the target mode */
     an_table table; /* last member: it holds the only pointer, so that all other offsets are the same on any machine */
 } an_single;

@@ -10,7 +10,9 @@ static uint8_t *put_mode(const an_single *app, uint8_t *at)
     at = an_put_float(at, mode->tau_s);
     at = an_put_complex(at, mode->gain);
     at = an_put_float(at, mode->delay_s);
-    return an_put_float(at, app->neighbour);
+    at = an_put_float(at, app->neighbour);
+    at = an_put_float(at, app->ident.motion);
+    return an_put_float(at, app->ident.misfit);
 }
 
 uint8_t *an_single_put_status(const an_application *base, uint8_t *at)
@@ -20,7 +22,7 @@ uint8_t *an_single_put_status(const an_application *base, uint8_t *at)
     at = an_put8(at, base->supervisor.state);
     at = an_put8(at, app->ident.stage);
     at = an_put8(at, base->texture.kind);
-    at = an_put8(at, app->mode_flags | (an_single_is_limited(app) ? (uint32_t)AN_STATUS_LIMITED : 0u));
+    at = an_put8(at, app->mode_flags | an_application_flags(base, an_single_is_limited(app)));
     at = an_application_put_counts(base, app->fast.window.count, at);
     at = put_mode(app, at);
     at = an_put_float(at, view.reference);

@@ -16,6 +16,7 @@
 #define AN_SETTLE 7.0f       /* time constants */
 #define AN_MISMATCH_TIME 8.0f     /* time constants */
 #define AN_SOFT 0.25f      /* time constants, for a pattern to fade in */
+#define AN_NO_REFERENCE 1e-6f /* of full scale: far below noise; 0 would select half of the reachable one */
 #define AN_PERIODS 2.0f /* least number of carrier periods in a window */
 
 enum { BUILD_NUMBER = 6, WINDOW_MIN = 46, PROBE_AVERAGE = 8, VALUES_BYTES = 8 * AN_SIX * AN_SIX };
@@ -130,6 +131,8 @@ static bool post_track(an_six *app)
         job->inverse[i] = an_mul(app->shaping.inverse[i], ahead);
     }
     read_targets(app, job->target);
+    app->eased = app->base.eased;
+    job->drive_limit *= app->eased ? AN_EASED : 1.0f;
     job->soft = x / (AN_SOFT + x);
     job->integral = AN_SIX_INTEGRAL * x / (1.0f + x);
     job->patience = patience_of(app);
@@ -270,7 +273,8 @@ void an_six_set_reference(an_six *app, float reference)
 {
     if (reference >= 0.0f) {
         app->target_reference = reference;
-        app->slow.reference = reference < app->reachable ? reference : app->reachable;
+        const float reached = reference < app->reachable ? reference : app->reachable;
+        app->slow.reference = app->base.eased ? AN_EASED * reached : reached;
     }
 }
 
@@ -421,10 +425,13 @@ uint32_t an_six_look(an_six *app, const uint16_t *adc)
     return failed ? found | AN_FAULT_MISMATCH : found;
 }
 
-/* Nothing to do: the integrals follow the plate by themselves. */
+/* The integrals follow the plate by themselves. An eased drive gets half the reference, so that the model still holds. */
 static void follow(an_application *base)
 {
-    (void)base;
+    an_six *app = (an_six *)base;
+    if (app->eased != base->eased && post_track(app)) {
+        an_six_set_reference(app, app->target_reference);
+    }
 }
 
 static an_moment moment(const an_application *base)
@@ -434,6 +441,7 @@ static an_moment moment(const an_application *base)
         .vacant = an_handover_vacant(&app->slow.hand),
         .job = app->slow.jobs[app->slow.hand.active & 1u].kind,
         .faults = app->fast.faults | app->slow.hand.trips,
+        .limited = base->supervisor.state == AN_STATE_RUN && app->slow.limited != 0u,
         .window = app->fast.window.count,
         .window_hz = 1.0f / period_s(app),
     };
@@ -453,6 +461,13 @@ static uint32_t entries(const an_table *table)
 static void trip(an_application *base, uint32_t faults)
 {
     an_handover_trip(&((an_six *)base)->fast.faults, faults);
+}
+
+static bool restart(an_application *base)
+{
+    an_six *app = (an_six *)base;
+    const float target = app->target_reference > 0.0f ? app->target_reference : AN_NO_REFERENCE;
+    return an_six_start(app, app->pattern, app->half_reach ? 0.0f : target);
 }
 
 static void set_reference(an_application *base, float reference)
@@ -493,6 +508,7 @@ const an_build an_six_build = {
     .begin_identify = begin_identify,
     .identify = identify,
     .follow = follow,
+    .restart = restart,
     .set_reference = set_reference,
     .put_status = an_six_put_status,
     .put_values = put_values,

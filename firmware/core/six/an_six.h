@@ -25,6 +25,7 @@ typedef struct {
     float reachable; /* largest reference for the pattern within the drive limit */
     float target_reference;
     bool half_reach; /* started without a reference */
+    bool eased;      /* the active job is that of an eased drive */
     float probe_level;
     uint32_t probe; /* actuator being measured */
     uint32_t probing; /* nonzero: a dwell has been posted */

@@ -9,7 +9,7 @@ uint8_t *an_six_put_status(const an_application *base, uint8_t *at)
     at = an_put8(at, base->supervisor.state);
     at = an_put8(at, base->slot);
     at = an_put8(at, app->pattern);
-    at = an_put8(at, app->identified | (app->slow.limited != 0u ? (uint32_t)AN_STATUS_LIMITED : 0u));
+    at = an_put8(at, app->identified | an_application_flags(base, app->slow.limited != 0u));
     at = an_application_put_counts(base, app->fast.window.count, at);
     at = an_put_float(at, an_dds_frequency(app->step, base->sample_rate_hz));
     at = an_put_float(at, app->shaping.condition);

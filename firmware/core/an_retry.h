@@ -1,0 +1,33 @@
+/* Retries after a hand. A plate under a heavy hand moves as little as one whose sensor is lost, and a hand during the
+ * sweep hides the resonance. The faults AN_FAULT_MISMATCH and AN_FAULT_IDENTIFY are therefore cleared, and the last job
+ * is started again from rest, after 1, 2 and 4 s. If the plate then runs for AN_RETRY_GOOD_S, the count starts again;
+ * after AN_RETRY_MOST retries the fault stays. In the meantime the outputs are at rest.
+ */
+#ifndef AN_RETRY_H
+#define AN_RETRY_H
+
+#include "an_supervisor.h"
+#include "an_types.h"
+
+enum { AN_RETRY_MOST = 3 };
+
+typedef enum { AN_RETRY_NOTHING, AN_RETRY_CLEAR, AN_RETRY_START } an_retry_order;
+
+typedef struct {
+    an_state state;    /* at the last decision */
+    uint32_t since;    /* window in which this state began */
+    uint32_t used;     /* retries so far */
+    bool drove;        /* the outputs were driven just before */
+    bool waits;        /* in the fault state: a retry will follow */
+    bool due;          /* cleared, to be started */
+    bool host_drives;  /* of the job to start again ... */
+    bool measure_only; /* ... as in an_supervisor */
+} an_retry;
+
+/* Decide once per main-loop pass, while no job waits for the slow step; arguments as for an_supervisor_decide. */
+an_retry_order an_retry_decide(an_retry *retry, const an_supervisor *supervisor, uint32_t window, float window_s);
+
+/* Forget any retry, after a stop. */
+void an_retry_cancel(an_retry *retry);
+
+#endif
