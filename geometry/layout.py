@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from geometry.elements import FloatArray
+from geometry.elements import BoolArray, FloatArray
 from geometry.lattice import Lattice
 from geometry.materials import Layer, Material, PiezoMaterial, Stack
 from geometry.pillar_shapes import PillarShape, shape_of
@@ -22,24 +22,31 @@ SHORT = 2.0  # half-wavelength over thickness: there thin-plate theory is 45 % t
 ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fractions say
 
 
-def half_wavelength_m(length_m: float, nodal_lines: int) -> float | None:
-    """Compute the half-wavelength L/(N - 1/2) of the free-free beam shape with N nodal lines along a length L.
+def half_wavelength_m(length_m: float, nodal_lines: int, held: int = 0) -> float | None:
+    """Compute the half-wavelength of the beam shape with N nodal lines along a length L.
 
-    cosh kL cos kL = 1 has its roots at kL = (N - 1/2) pi, to 0.4 % at N = 2 and better beyond: the free ends take half
-    a half-wavelength less than N. A count of lines, such as that of elements, follows L/N instead.
+    L/(N - 1/2) between free ends: cosh kL cos kL = 1 has its roots at kL = (N - 1/2) pi, to 0.4 % at N = 2 and better
+    beyond, so that the free ends take half a half-wavelength less than N. L/(N + 1/4) with one pinned end, L/(N + 1) with
+    two. A count of lines, such as that of elements, follows L/N instead.
 
     Parameters
     ----------
     length_m : float
         Length L in m.
     nodal_lines : int
-        Number N of nodal lines.
+        Number N of nodal lines between the ends.
+    held : int, optional
+        Number of pinned ends; the others are free.
 
     Returns
     -------
     float or None
-        Half-wavelength in m; None for the rigid shapes N = 0 and 1.
+        Half-wavelength in m; None for shapes that are rigid: N = 0 and 1 between free ends, N = 0 with one.
     """
+    if held == 2:
+        return length_m / (nodal_lines + 1.0)
+    if held == 1:
+        return length_m / (nodal_lines + 0.25) if nodal_lines else None
     return length_m / (nodal_lines - 0.5) if nodal_lines > 1 else None
 
 
@@ -325,6 +332,13 @@ class Design:
         Distance between the borders of neighbouring zones.
     layers : tuple of Layer
         Layers of the plate from the touch face to the back if it has several, else empty.
+    larger_m : tuple of float or None
+        Length and width of a plate larger than its zone and rows; None for a plate as long as its zone that ends
+        `extension_m` beyond its rows.
+    centre_m : tuple of float
+        Centre (x, y) of the zone, or of all zones together, from that of the plate.
+    surround : bool
+        Whether rows stand on all four sides of the zone, with closed corners.
     """
 
     length_m: float
@@ -344,6 +358,70 @@ class Design:
     shared_rows: int = 0
     zone_gap_m: float = 0.0
     layers: tuple[Layer, ...] = ()
+    larger_m: tuple[float, float] | None = None
+    centre_m: tuple[float, float] = (0.0, 0.0)
+    surround: bool = False
+
+    @property
+    def plate_m(self) -> tuple[float, float]:
+        """Length and width of the plate, m."""
+        return self.larger_m or (self.length_m, 2.0 * self.half_span_m)
+
+    @property
+    def half_length_m(self) -> float:
+        """Half of the plate's length along the zone, m."""
+        return self.plate_m[0] / 2.0
+
+    @property
+    def zone_ends_m(self) -> tuple[float, float]:
+        """x of both ends of the zone, m."""
+        return self.centre_m[0] - self.length_m / 2.0, self.centre_m[0] + self.length_m / 2.0
+
+    @property
+    def goes_on(self) -> tuple[bool, bool]:
+        """Whether the plate goes on beyond the zone's lower and upper end along x."""
+        half, (low, high) = self.half_length_m, self.zone_ends_m
+        slack = ROUNDING * half
+        return self.larger_m is not None and low > slack - half, self.larger_m is not None and high < half - slack
+
+    @property
+    def held_ends(self) -> int:
+        """Ends of the zone at which the plate goes on: the target shape is pinned there, and free at the others."""
+        return sum(self.goes_on)
+
+    @property
+    def zone_alone(self) -> Design:
+        """The same zone and rows on a plate that ends with the zone along x and `extension_m` beyond the rows along y."""
+        return replace(self, larger_m=None, centre_m=(0.0, 0.0), surround=False) if self.larger_m else self
+
+    def in_zone(self, points: FloatArray) -> BoolArray:
+        """Mask of the points (q, 2 or 3), from the plate's centre in m, that lie in the zone about the middle, (q,)."""
+        inside = np.abs(points[:, 1] - self.centre_m[1]) < self.width_m / 2.0
+        if self.larger_m is not None:
+            inside &= np.abs(points[:, 0] - self.centre_m[0]) < self.length_m / 2.0
+        return np.asarray(inside)
+
+    def beyond_rows(self, points: FloatArray) -> BoolArray:
+        """Mask of the points (q, 2 or 3) outside the rectangle that zone and rows fill, (q,)."""
+        (x, half_x), (y, half_y) = self._reach_m
+        outside = np.abs(points[:, 1] - y) > half_y
+        if self.larger_m is not None:
+            outside |= np.abs(points[:, 0] - x) > half_x
+        return np.asarray(outside)
+
+    @property
+    def _reach_m(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Middle and half extent along x, then along y, of the rectangle that zone and rows fill, m."""
+        if self.larger_m is None:
+            return (0.0, self.length_m / 2.0), (0.0, self.half_span_m - self.extension_m)
+        around = self._rows_depth_m if self.surround else 0.0
+        return (self.centre_m[0], self.length_m / 2.0 + around), (self.centre_m[1], self._outer_m + self._rows_depth_m)
+
+    @property
+    def reach_m(self) -> tuple[float, float, float, float]:
+        """Rectangle x0, x1, y0, y1 that zone and rows fill, m."""
+        (x, half_x), (y, half_y) = self._reach_m
+        return x - half_x, x + half_x, y - half_y, y + half_y
 
     @property
     def stack(self) -> Stack:
@@ -364,7 +442,8 @@ class Design:
     @property
     def zone_centres_m(self) -> FloatArray:
         """y of the middle of every zone, ascending, (zones,), m."""
-        return np.asarray((np.arange(self.zones) - (self.zones - 1) / 2.0) * (self.width_m + self.zone_gap_m))
+        steps = np.arange(self.zones) - (self.zones - 1) / 2.0
+        return np.asarray(steps * (self.width_m + self.zone_gap_m) + self.centre_m[1])
 
     def from_zone_m(self, y: FloatArray) -> FloatArray:
         """Places y (q,) from the middle of the nearest zone, (q,), m."""
@@ -372,9 +451,9 @@ class Design:
         return np.asarray(y - middles[np.argmin(np.abs(np.subtract.outer(y, middles)), axis=1)])
 
     @property
-    def outer_border_m(self) -> float:
-        """y of the outer border of the last zone, m."""
-        return self.width_m / 2.0 + float(self.zone_centres_m[-1])
+    def _outer_m(self) -> float:
+        """Distance of the outer border of the last zone from the middle of all zones, m."""
+        return self.width_m / 2.0 + (self.zones - 1) / 2.0 * (self.width_m + self.zone_gap_m)
 
     @property
     def one_zone(self) -> Design:
@@ -416,7 +495,7 @@ class Design:
     @property
     def half_wavelength_m(self) -> float | None:
         """Half-wavelength of the target mode along the zone, m; None for rigid shapes."""
-        return half_wavelength_m(self.length_m, self.nodal_lines)
+        return half_wavelength_m(self.length_m, self.nodal_lines, self.held_ends)
 
     @property
     def line_spacing_m(self) -> float:
@@ -444,31 +523,43 @@ class Design:
     @property
     def half_span_m(self) -> float:
         """Half of the plate's whole width across the zone, m."""
+        if self.larger_m is not None:
+            return self.larger_m[1] / 2.0
+        return self._outer_m + self._rows_depth_m + self.extension_m
+
+    @property
+    def _rows_depth_m(self) -> float:
+        """Width of all rows beyond a zone, m: from its border to the end of the last row."""
         first, last = (
             (self.row_pillars[0].footprint_m, self.row_pillars[-1].widest_m) if self.row_pillars else (0.0, 0.0)
         )
-        rows_m = float(self._row_offsets()[-1]) + (first + last) / 2.0 if self.rows else 0.0
-        return self.outer_border_m + rows_m + self.extension_m
+        return float(self._row_offsets()[-1]) + (first + last) / 2.0 if self.rows else 0.0
 
     @property
     def touch_lines_m(self) -> tuple[float, ...]:
         """y where parts of the touch face meet, ascending, m: the borders of the zones, and the ends of the last rows."""
-        half, beyond = self.width_m / 2.0, self.half_span_m - self.extension_m
+        half, (_, (middle, beyond)) = self.width_m / 2.0, self._reach_m
         borders = np.add.outer(self.zone_centres_m, [-half, half]).ravel().tolist()
-        return tuple(sorted({*borders, -beyond, beyond}))
+        return tuple(sorted({*borders, middle - beyond, middle + beyond}))
+
+    @property
+    def touch_cuts_m(self) -> tuple[float, ...]:
+        """x where parts of the touch face meet, ascending, m: the ends of zone and rows within a larger plate."""
+        ends = {*self.zone_ends_m, *self.reach_m[:2]}
+        return tuple(sorted(end for end in ends if abs(end) < self.half_length_m)) if self.larger_m else ()
 
     @property
     def bare_touch_m(self) -> float:
         """y up to which the touch face carries no pillar, m: where the first row begins, or the plate ends."""
         if not (self.row_pillars and self.row_pillars[0].faces == 2):
             return self.half_span_m
-        return self.outer_border_m - max(self.row_pillars[0].reach_m[1] - self.row_pillars[0].footprint_m, 0.0) / 2.0
+        return self._outer_m - max(self.row_pillars[0].reach_m[1] - self.row_pillars[0].footprint_m, 0.0) / 2.0
 
     @property
     def is_mirrored(self) -> bool:
         """True when the plate is its own mirror image in x = 0 and y = 0: its quarter stands for the whole."""
-        pillar = self.pillar if self.rows else None
-        return {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_symmetric)
+        pillar, centred = self.pillar if self.rows else None, not any(self.centre_m)
+        return centred and {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_symmetric)
 
     @property
     def lattice(self) -> Lattice:
@@ -497,17 +588,45 @@ class Design:
         """
         room = (self.length_m - self.footprint_m) / self.pitch_x_m
         count = floor(room * (1.0 + ROUNDING) + ROUNDING) + 1 - (self.stagger and row % 2)
-        return np.asarray((np.arange(count) - (count - 1) / 2.0) * self.pitch_x_m)
+        if self.surround:
+            count = self._between(self.length_m, self.pitch_x_m)
+        return np.asarray((np.arange(count) - (count - 1) / 2.0) * self.pitch_x_m + self.centre_m[0])
+
+    def _between(self, length_m: float, pitch_m: float) -> int:
+        """Most places a pitch apart along a zone, and at least a pitch from the first row beyond either end."""
+        return max(floor((length_m + self.footprint_m) / pitch_m * (1.0 + ROUNDING) + ROUNDING) - 1, 0)
 
     def row_centres(self) -> FloatArray:
-        """y of the rows beyond the last zone, shape (rows,), m: width/2 + footprint/2, then every pitch_y."""
+        """Distance of the rows beyond the last zone from the middle of all zones, shape (rows,), m: width/2 + footprint/2,
+        then every pitch_y.
+        """
         first = self.row_pillars[0].footprint_m if self.row_pillars else 0.0
-        return np.asarray(self.outer_border_m + first / 2.0 + self._row_offsets())
+        return np.asarray(self._outer_m + first / 2.0 + self._row_offsets())
 
     def row_places(self) -> FloatArray:
-        """y of every row of the plate, ascending, shape (2 rows + shared_rows (zones - 1),), m."""
-        outer = self.row_centres()
-        return np.concatenate([-outer[::-1], *map(self._shared, self.zone_centres_m[:-1]), outer])
+        """y of every row of the plate above and below its zones, ascending, shape (2 rows + shared_rows (zones - 1),), m."""
+        outer, middle = self.row_centres(), self.centre_m[1]
+        return np.concatenate([middle - outer[::-1], *map(self._shared, self.zone_centres_m[:-1]), middle + outer])
+
+    def lines_of_feet(self) -> list[tuple[float, FloatArray]]:
+        """Every line of pillars along x: y, ascending, and x of its pillars, ascending, m.
+
+        Rows around a zone stand on the lines of a grid that leaves the zone itself free: rows and columns beyond the
+        zone's borders, and as many between these as stand a pitch apart.
+        """
+        if not self.row_pillars:
+            return []
+        own = [self.column_centres(number) for number in self.row_numbers]
+        if not self.surround:
+            return list(zip(self.row_places().tolist(), own, strict=True))
+        beyond = self.length_m / 2.0 + self.footprint_m / 2.0 + self.pitch_x_m * np.arange(self.rows)
+        left, right = self.centre_m[0] - beyond[::-1], self.centre_m[0] + beyond
+        count = self._between(self.width_m, self.pitch_y_m)
+        aside = (np.arange(count) - (count - 1) / 2.0) * self.pitch_y_m + self.centre_m[1]
+        places = self.row_places().tolist()
+        full = [(y, np.concatenate([left, x, right])) for y, x in zip(places, own, strict=True)]
+        ends = np.concatenate([left, right])
+        return [*full[: self.rows], *((y, ends) for y in aside.tolist()), *full[self.rows :]]
 
     def _shared(self, centre: float) -> FloatArray:
         """y of the rows between the zone about `centre` and the next one."""
@@ -525,7 +644,7 @@ class Design:
 
     def pillar_centres(self) -> FloatArray:
         """Centres of every pillar, shape (pillars, 2), m, row by row along y; empty without pillars."""
-        return self._centres(range(len(self.row_numbers)))
+        return self._centres(range(len(self.lines_of_feet())))
 
     @property
     def row_numbers(self) -> tuple[int, ...]:
@@ -535,12 +654,14 @@ class Design:
 
     def _centres(self, places: Sequence[int]) -> FloatArray:
         """Centres of the pillars of some rows of the plate, numbered along y."""
-        numbers, y = self.row_numbers, self.row_places()
-        lines = [(self.column_centres(numbers[place]), y[place]) for place in places]
-        return np.concatenate([np.empty((0, 2)), *(np.column_stack([x, np.full(len(x), at)]) for x, at in lines)])
+        every = self.lines_of_feet()
+        lines = [every[place] for place in places]
+        return np.concatenate([np.empty((0, 2)), *(np.column_stack([x, np.full(len(x), at)]) for at, x in lines)])
 
     def standing(self) -> tuple[PillarGroup, ...]:
         """Every kind of pillar with the centres where it stands."""
+        if self.surround and self.pillar:
+            return (PillarGroup(self.pillar, self.pillar_centres()),)
         pillars = [self.row_pillars[number] for number in self.row_numbers]
         kinds = {kind: [row for row, pillar in enumerate(pillars) if pillar == kind] for kind in dict.fromkeys(pillars)}
         return tuple(PillarGroup(kind, self._centres(own)) for kind, own in kinds.items())

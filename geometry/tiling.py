@@ -46,6 +46,7 @@ class Panel:
 
 
 Signature = tuple[float | str | Pillar, ...]
+NARROW = 0.2  # of a pitch: a narrower strip between two pillars' panels is shared by both
 DIGITS = 9  # of a length in m: panels that agree to a nanometre are the same
 
 
@@ -65,8 +66,8 @@ class Tiling:
         Axes along which bare plate is its own mirror image.
     pillars : mapping of Pillar
         Pillars by row j of panels if rows differ.
-    lines_m : tuple of float
-        Lines y at which parts of the touch face meet.
+    lines_m, cuts_m : tuple of float
+        Lines y, and lines x, at which parts of the touch face meet.
     """
 
     x: FloatArray
@@ -76,6 +77,7 @@ class Tiling:
     pillars: Mapping[int, Pillar] = field(default_factory=dict)
     lines_m: tuple[float, ...] = ()
     bare: tuple[int, ...] = (0, 1)
+    cuts_m: tuple[float, ...] = ()
 
     def panel(self, i: int, j: int) -> Panel:
         """Panel in column i, row j, halved along every axis about which it is its own mirror image.
@@ -201,15 +203,16 @@ def tile(design: Design, max_edge_m: float) -> Tiling:
         Grid lines in m and the foot of each panel.
     """
     x, y = grid(design, max_edge_m)
-    plain: dict[str, Any] = {"lines_m": design.touch_lines_m, "bare": mirrored_along(design.stack.mirrors)}
+    plain: dict[str, Any] = {
+        "lines_m": design.touch_lines_m,
+        "cuts_m": design.touch_cuts_m,
+        "bare": mirrored_along(design.stack.mirrors),
+    }
     if not design.rows:
         return Tiling(x, y, {}, design.is_mirrored, **plain)
-    feet_rows = design.row_places()
-    places = (np.searchsorted(y, feet_rows) - 1).tolist()
+    places = (np.searchsorted(y, [row for row, _ in design.lines_of_feet()]) - 1).tolist()
     pillars = dict(zip(places, (*design.graded[::-1], *design.graded), strict=True)) if design.graded else {}
-    numbered = zip(feet_rows.tolist(), design.row_numbers, strict=True)
-    centres = [(row, design.column_centres(number)) for row, number in numbered]
-    return Tiling(x, y, _feet(x, y, centres), design.is_mirrored, pillars, **plain)
+    return Tiling(x, y, _feet(x, y, design.lines_of_feet()), design.is_mirrored, pillars, **plain)
 
 
 def tightest_panels(design: Design) -> list[Panel]:
@@ -228,10 +231,11 @@ def tightest_panels(design: Design) -> list[Panel]:
     if not design.rows:
         return []
     x, y = grid(design, design.thickness_m)
-    pillars = (*design.graded[::-1], *design.graded) or (None,) * len(design.row_places())
+    lines = design.lines_of_feet()
+    pillars = (*design.graded[::-1], *design.graded) or (None,) * len(lines)
     panels = []
-    for row, number, pillar in zip(design.row_places().tolist(), design.row_numbers, pillars, strict=True):
-        column = float(design.column_centres(number)[-1])
+    for (row, columns), pillar in zip(lines, pillars, strict=True):
+        column = float(columns[-1])
         i, j = int(np.searchsorted(x, column)) - 1, int(np.searchsorted(y, row)) - 1
         panels.append(
             Panel((float(x[i]), float(y[j])), (float(x[i + 1]), float(y[j + 1])), (column, row), pillar=pillar)
@@ -256,6 +260,8 @@ def grid(design: Design, max_edge_m: float) -> tuple[FloatArray, FloatArray]:
     y : ndarray, shape (ny + 1,)
         Ascending y in m of the lines along x.
     """
+    if design.larger_m is not None:
+        return _around(design, max_edge_m)
     columns, pitch = design.column_centres() if design.rows else np.empty(0), design.pitch_x_m
     if design.is_staggered:
         columns, pitch = np.sort(np.concatenate([columns, design.column_centres(1)])), pitch / 2.0
@@ -263,6 +269,43 @@ def grid(design: Design, max_edge_m: float) -> tuple[FloatArray, FloatArray]:
     x = _lines_about(columns, pitch, half_x, max_edge_m) if len(columns) else _bare(-half_x, half_x, max_edge_m)
     rows = design.row_places() if design.rows else np.empty(0)
     return x, _refined(_cuts(design) if design.zones == 1 else _cuts_between(design), rows, max_edge_m)
+
+
+def _around(design: Design, longest: float) -> tuple[FloatArray, FloatArray]:
+    """Lines of a plate larger than its zone and rows: half-way between pillars, half a pitch beyond the outer ones, and no
+    farther than `longest` apart in between; without pillars through the corners of the zone.
+    """
+    lines, half = design.lines_of_feet(), design.width_m / 2.0
+    columns = _distinct(x for _, own in lines for x in own.tolist())
+    rows, pitches, halves = [y for y, _ in lines], (design.pitch_x_m, design.pitch_y_m), np.array(design.plate_m) / 2.0
+    if not lines:
+        corners = design.zone_ends_m, (design.centre_m[1] - half, design.centre_m[1] + half)
+        return _bare_between(corners[0], halves[0], longest), _bare_between(corners[1], halves[1], longest)
+    if design.is_staggered:
+        pitches = (design.pitch_x_m / 2.0, design.pitch_y_m)
+    cuts = [
+        _about(places, pitch, float(end))
+        for places, pitch, end in zip((columns, np.array(rows)), pitches, halves, strict=True)
+    ]
+    return _refined(cuts[0], columns, longest), _refined(cuts[1], np.array(rows), longest)
+
+
+def _bare_between(corners: tuple[float, float], half: float, longest: float) -> FloatArray:
+    """Lines across bare plate through some places."""
+    return _refined(_distinct([-half, *corners, half]), np.empty(0), longest)
+
+
+def _about(centres: FloatArray, pitch: float, end: float) -> FloatArray:
+    """Lines half a pitch on either side of every pillar, within the plate: one half-way between neighbours, unless they stand
+    farther apart, so that pillars are in the middle of equal panels.
+    """
+    lines = [-end, end]
+    for low, high in pairwise([-np.inf, *centres.tolist(), np.inf]):
+        if high - low <= (1.0 + NARROW) * pitch:
+            lines.append((low + high) / 2.0)
+        else:
+            lines += [each for each in (low + pitch / 2.0, high - pitch / 2.0) if abs(each) < end - 10.0**-DIGITS]
+    return _distinct(lines)
 
 
 def _cuts_between(design: Design) -> FloatArray:

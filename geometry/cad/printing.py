@@ -362,7 +362,9 @@ def features(design: Design) -> dict[str, float]:
     reach = np.array([each.reach_m for each in design.row_pillars])
     if len(design.column_centres()) > 1:
         widths["gap between pillars along x"] = design.pitch_x_m - float(reach[:, 0].max())
-    if design.rows > 1:
+    if design.surround:
+        widths["gap between pillars along y"] = design.pitch_y_m - float(reach[:, 1].max())
+    elif design.rows > 1:
         between = design.row_pitches_m[1:] / 2.0 + design.row_pitches_m[:-1] / 2.0
         widths["gap between pillars along y"] = float((between - (reach[1:, 1] + reach[:-1, 1]) / 2.0).min())
     return widths

@@ -337,7 +337,7 @@ def plate_solid(design: Design, mirrors: str = "") -> Body:
     GeometryError
         If the parts do not make one body or overlap, or if a pillar is not symmetric in a mirror that cuts it.
     """
-    return _assemble(design, (design.length_m, 2.0 * design.half_span_m), design.standing(), mirrors)
+    return _assemble(design, design.plate_m, design.standing(), mirrors)
 
 
 def part_solid(design: Design, part: str) -> Body:

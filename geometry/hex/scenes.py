@@ -430,12 +430,13 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
     MeshError
         If boxes cannot follow a pillar.
     """
-    x = _span(design.length_m / 2.0, False, quarter)
+    x = _span(design.half_length_m, False, quarter)
     y = _span(design.half_span_m, False, quarter)
     borders = (
         centre + side * design.width_m / 2.0 for centre in design.zone_centres_m.tolist() for side in (-1.0, 1.0)
     )
     y |= {v: False for v in borders if v >= min(y)}
+    x |= {v: False for v in design.touch_cuts_m if v >= min(x)}
     stands, reach = design.standing(), design.footprint_m / 2.0
     if quarter:
         stands = tuple(PillarGroup(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in stands)

@@ -106,7 +106,7 @@ class Columns:
     @classmethod
     def of(cls, design: Design) -> Columns | None:
         """Those of a plate; None for one without columns that are alike, or whose end no stretched column reaches."""
-        if not design.row_pillars or design.is_staggered or not design.is_mirrored:
+        if not design.row_pillars or design.is_staggered or not design.is_mirrored or design.larger_m:
             return None
         centres, half = design.column_centres(), design.pitch_x_m / 2.0
         foot = max(pillar.reach_m[0] for pillar in design.kinds) / 2.0

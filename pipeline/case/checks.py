@@ -219,8 +219,12 @@ def check_row_fits(file: Tables, form: PillarShape | None) -> Iterator[Diagnosti
 
 
 def _whole_width(file: Tables, form: PillarShape | None) -> list[float]:
-    """Return the width of the plate across the zone, mm, in a list that is empty while the zone's width is unknown."""
+    """Return the width of the plate across the zone, mm, or both sizes of a larger one, in a list that is empty while the
+    zone's width is unknown.
+    """
     width, rows = file.zone.width_mm, file.array.rows or 0
+    if file.plate.length_mm is not None and file.plate.width_mm is not None:
+        return [file.plate.length_mm, file.plate.width_mm]
     if width is None:
         return []
     pitch = file.array.pitch_y_mm or 0.0
@@ -247,6 +251,86 @@ def check_not_a_block(file: Tables, form: PillarShape | None) -> Iterator[Diagno
     if thickness is not None and width is not None and thickness > width:
         text = f"must be at most zone.width_mm = {width:g}: a plate, not a block (lengths are in mm)"
         yield "plate.thickness_mm", thickness, text
+
+
+LARGER = ("length_mm", "width_mm")
+
+
+def check_larger(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
+    """Check that a plate larger than zone and rows is given whole, with what only it has, and holds both."""
+    given = [name for name in LARGER if getattr(file.plate, name, None) is not None]
+    if len(given) == 1 and not {f"plate.{name}" for name in LARGER} & file.faulty:
+        (other,) = {*LARGER} - {*given}
+        yield f"plate.{other}", None, f"must accompany {given[0]}"
+    placed = {"zone.centre_mm": file.zone.centre_mm, "zone.centre_y_mm": file.zone.centre_y_mm}
+    placed |= {"array.surround": file.array.surround or None}
+    if not given:
+        for key, value in placed.items():
+            if value is not None and not (key == "zone.centre_y_mm" and value == 0.0):
+                yield key, value, "requires a larger plate: give plate.length_mm and plate.width_mm"
+        return
+    if len(given) == 1:
+        return
+    if placed["zone.centre_mm"] is not None and placed["zone.centre_y_mm"] is not None:
+        yield "zone.centre_y_mm", file.zone.centre_y_mm, "cannot be combined with centre_mm: remove one of them"
+    if file.array.extension_mm:
+        text = "must be left out of a plate with length_mm and width_mm, which set its margins"
+        yield "array.extension_mm", file.array.extension_mm, text
+    if (file.zone.count or 1) > 1:
+        yield "zone.count", file.zone.count, "must be 1 on a plate with length_mm and width_mm"
+    yield from _surrounded(file)
+    yield from _margins(file, form)
+
+
+def _surrounded(file: Tables) -> Iterator[Diagnostic]:
+    """Check that rows around a zone are alike and in line."""
+    array = file.array
+    if not array.surround:
+        return
+    for name in ("heights_mm", "sides_mm", "pitches_y_mm"):
+        if values := getattr(array, name):
+            yield f"array.{name}", values, "cannot be combined with surround: rows around a zone are alike"
+    if array.stagger:
+        yield (
+            "array.surround",
+            True,
+            "cannot be combined with shifted rows (stagger, staggered and triangular lattices)",
+        )
+    if "pillar" not in file.present or not array.rows:
+        yield "array.surround", True, "requires a [pillar] and array.rows of 1 or more"
+
+
+def _margins(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
+    """Check that zone and rows lie on the plate, with margins that can be meshed."""
+    known = [file.plate.length_mm, file.plate.width_mm, file.zone.length_mm, file.zone.width_mm]
+    sizes = [size for size in known if size is not None]
+    if len(sizes) < len(known):
+        return
+    x, y = file.zone.centre_mm or (0.0, file.zone.centre_y_mm or 0.0)
+    rows, foot = file.array.rows or 0, footprint_mm(file, form) or 0.0
+    pitches = [file.array.pitch_x_mm or 0.0, file.array.pitch_y_mm or 0.0]
+    widths = list(file.array.pitches_y_mm or [pitches[1]] * rows)
+    deep = [(rows - 1) * pitches[0] + foot if file.array.surround else 0.0]
+    deep.append(sum(widths) - (widths[0] + widths[-1]) / 2.0 + foot if widths else 0.0)
+    least = (file.plate.thickness_mm or 0.0) / limits.MAX_SLENDERNESS
+    for axis, centre, plate, zone, depth in zip(
+        "xy", (x, y), sizes[:2], sizes[2:], deep if rows else (0.0, 0.0), strict=True
+    ):
+        names = {"x": "length", "y": "width"}
+        key = f"plate.{names[axis]}_mm"
+        room = plate / 2.0 - abs(centre) - zone / 2.0
+        if room < -SAME_MM:
+            need = 2.0 * (abs(centre) + zone / 2.0)
+            yield key, plate, f"the zone extends beyond the plate: must be at least {need:g} along {axis}"
+        elif room - depth < -SAME_MM:
+            need = 2.0 * (abs(centre) + zone / 2.0 + depth)
+            yield key, plate, f"{rows} rows do not fit between zone and edge: must be at least {need:g} along {axis}"
+        else:
+            for margin in (room - depth, room - depth + 2.0 * abs(centre)):
+                if SAME_MM < margin < least:
+                    text = f"leaves a margin of {margin:g} along {axis}: must be 0, or at least {least:g}"
+                    yield key, plate, f"{text}, {1.0 / limits.MAX_SLENDERNESS:g} of plate.thickness_mm"
+                    break
 
 
 def check_rows(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
@@ -364,6 +448,7 @@ CHECKS: tuple[Callable[[Tables, PillarShape | None], Iterator[Diagnostic]], ...]
     check_thickness,
     check_not_a_block,
     check_rows,
+    check_larger,
     check_solve,
     check_path,
     check_patch_keys,
@@ -384,12 +469,17 @@ def one_table(raw: dict[str, Any], source: str) -> dict[str, Any]:
     tables = raw.get("zone")
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables) or not tables:
         return raw
-    first = {key: value for key, value in tables[0].items() if key != CENTRE}
+    if len(tables) == 1:
+        return raw | {"zone": tables[0]}
+    first = {key: value for key, value in tables[0].items() if key not in (CENTRE, "centre_mm")}
     said = [
         f"[[zone]]: count = {table['count']}: must be left out: the tables themselves are counted"
         for table in tables
         if "count" in table
     ]
+    if any("centre_mm" in table for table in tables):
+        said.append("[[zone]]: centre_mm: applies to a single zone only: give centre_y_mm in each of several tables")
+        tables = [{key: value for key, value in table.items() if key != "centre_mm"} for table in tables]
     if any("centre_x_mm" in table for table in tables):
         said.append(
             "[[zone]]: centre_x_mm: must be left out: zones lie side by side along y and are as long as the plate"
@@ -424,8 +514,6 @@ def _gap(tables: list[dict[str, Any]], said: list[str]) -> dict[str, Any]:
         said.append(f"[[zone]]: {CENTRE}: must be a number in every table or in none")
         return {}
     steps = [high - low for low, high in pairwise(numbers[:-1])]
-    if len(tables) == 1 and abs(numbers[0]) <= SAME_MM:
-        return {}
     if abs(sum(numbers[:-1])) > SAME_MM or not steps or max(steps) - min(steps) > SAME_MM or steps[0] <= numbers[-1]:
         text = ", ".join(f"{value:g}" for value in numbers[:-1])
         said.append(

@@ -37,7 +37,7 @@ from pipeline.case.reading import CaseValues as Values
 from pipeline.case.schema import BandsTable, SolveTable, Table, Tables, ToleranceTable
 from pipeline.errors import InputError
 from pipeline.quantity import GRAM, MM, UM
-from solvers.analytic.beams import antinodes, free_free_mode
+from solvers.analytic.beams import antinodes, zone_mode
 from solvers.measures.confinement import target_symmetry
 from solvers.measures.radiation import Air
 
@@ -154,8 +154,14 @@ class Case:
             ]
             raise InputError(f"{where}: {name}: missing, {why}" for name, why in visible)
 
-    def require_plate(self, command: str = "this command", several: bool = False) -> None:
-        """Raise InputError unless the file has [plate], [zone] and, with pillars, array.rows; one zone, or `several`."""
+    def require_plate(self, command: str = "this command", several: bool = False, larger: bool = False) -> None:
+        """Raise InputError unless the file has [plate], [zone] and, with pillars, array.rows; one zone, or `several`; a plate
+        that zone and rows fill along x, or a `larger` one.
+        """
+        if self.design.larger_m and not larger:
+            size = f"plate.length_mm = {self.design.larger_m[0] / MM:g}: must be left out with plate.width_mm"
+            what = f"{command} supports a plate as long as its zone only (antinode modes and response support any)"
+            raise InputError(f"{self.source if self.source is not None else self.name}: {size}: {what}")
         if self.design.zones > 1 and not several:
             where, count = self.source if self.source is not None else self.name, self.design.zones
             what = f"must be 1: {command} supports a single zone (antinode crosstalk supports several)"
@@ -200,6 +206,9 @@ class Case:
         for key in ("graded", "graded_pitches_m", "stagger", "layers"):
             if not shape[key]:
                 del shape[key]
+        if not self.design.larger_m:
+            for key in ("larger_m", "centre_m", "surround"):
+                del shape[key]
         if self.design.zones == 1:
             for key in ("zones", "shared_rows", "zone_gap_m"):
                 del shape[key]
@@ -227,8 +236,8 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
     x, y, z = (MM * side for side in table.size_mm)
     centres, lengths = _places(table.centres_mm, design, (x, y, z))
     if behind := table.behind_mm:
-        across = design.half_span_m - design.extension_m + MM * behind
-        centres += tuple((place, side * across) for side in (-1.0, 1.0) for place, _ in centres)
+        (*_, low, high), beyond = design.reach_m, MM * behind
+        centres += tuple((place, across) for across in (low - beyond, high + beyond) for place, _ in centres)
         lengths *= 3
     sensors = tuple(table.sensors)
     if not table.centres_mm and design.zones > 1:  # every zone has the same patches
@@ -266,11 +275,11 @@ def read_touch(values: CaseValues, design: Design) -> Touch | None:
         given, other = ("gap_um", "force_N") if gap else ("force_N", "gap_um")
         diagnostics.add(f"touch.{given}", gap or force, f"requires touch.{other}: friction is computed from both")
     at, radius = table.at_mm, MM * table.radius_mm
-    place = (MM * at[0], MM * at[1]) if at else (_middle_antinode_m(design), 0.0)
+    place = (MM * at[0], MM * at[1]) if at else (_middle_antinode_m(design), design.centre_m[1])
     if "zone" in values.tables.present and (
-        abs(place[0]) + radius > design.length_m / 2.0 or abs(place[1]) + radius > design.half_span_m
+        abs(place[0]) + radius > design.half_length_m or abs(place[1]) + radius > design.half_span_m
     ):
-        size = f"{design.length_m / MM:g} x {2.0 * design.half_span_m / MM:g} mm"
+        size = f"{design.plate_m[0] / MM:g} x {design.plate_m[1] / MM:g} mm"
         key = "at_mm" if at else "radius_mm"
         diagnostics.add(f"touch.{key}", at or table.radius_mm, f"the contact extends beyond the plate of {size}")
     elif "zone" in values.tables.present and abs(place[1]) + radius > design.bare_touch_m:
@@ -356,8 +365,13 @@ def _places(
     if centres_mm:
         return tuple((MM * x, MM * y) for x, y in centres_mm), (size_m[0],) * len(centres_mm)
     lines, length = design.nodal_lines, design.length_m
-    inner = (0.0,) if lines == 0 else tuple((s - 0.5) * length for s in antinodes(free_free_mode(lines)))
-    return antinode_places(inner, length, size_m, ends=lines > 0)
+    rigid, shape = lines == 0 and not design.held_ends, zone_mode(lines, *design.goes_on)
+    inner = (0.0,) if rigid else tuple((s - 0.5) * length for s in antinodes(shape))
+    low, high = design.goes_on
+    centres, lengths = antinode_places(inner, length, size_m, ends=lines > 0 and not (low and high))
+    kept = slice(1 if low != high and low else None, -1 if low != high and high else None)  # none at a pinned end
+    x, y = design.centre_m
+    return tuple((place + x, across + y) for place, across in centres[kept]), lengths[kept]
 
 
 def _check_sensors(patches: Patches, diagnostics: Diagnostics) -> None:
@@ -373,8 +387,8 @@ def _check_sensors(patches: Patches, diagnostics: Diagnostics) -> None:
 def _check_places(patches: Patches, design: Design, file: Tables, diagnostics: Diagnostics) -> None:
     boxes, size = patches.boxes_m(), file.patches.size_mm
     slack = TOUCHING * max(patches.size_m)
-    half_x, half_y = design.length_m / 2.0 + slack, design.half_span_m + slack
-    width_mm, length_mm = 2.0 * design.half_span_m / MM, design.length_m / MM
+    half_x, half_y = design.half_length_m + slack, design.half_span_m + slack
+    length_mm, width_mm = design.plate_m[0] / MM, design.plate_m[1] / MM
     if patches.size_m[1] > 2.0 * half_y or patches.size_m[0] > 2.0 * half_x:
         diagnostics.add("patches.size_mm", size, f"larger than the plate of {length_mm:g} x {width_mm:g} mm")
         return
@@ -436,12 +450,12 @@ def _fingertip(values: CaseValues) -> Fingertip:
 
 
 def _middle_antinode_m(design: Design) -> float:
-    """Return x of the target mode's antinode nearest the centre of the plate; the centre for a rigid motion."""
-    lines = design.nodal_lines
-    if lines < 2:
-        return 0.0
-    places = [round((share - 0.5) * design.length_m, 12) + 0.0 for share in antinodes(free_free_mode(lines))]
-    return min(places, key=lambda x: (round(abs(x), 9), -x))
+    """Return x of the target mode's antinode nearest the centre of the zone; the centre for a rigid motion."""
+    if design.half_wavelength_m is None:
+        return design.centre_m[0]
+    shape = zone_mode(design.nodal_lines, *design.goes_on)
+    places = [round((share - 0.5) * design.length_m, 12) + 0.0 for share in antinodes(shape)]
+    return min(places, key=lambda x: (round(abs(x), 9), -x)) + design.centre_m[0]
 
 
 def _design(values: Values) -> Design:
@@ -466,7 +480,17 @@ def _design(values: Values) -> Design:
         stagger=array.stagger or False,
         layers=layers if len(layers) > 1 else (),
         **_zones(values),
+        **_around(file),
     )
+
+
+def _around(file: Tables) -> dict[str, Any]:
+    """Return the size of a plate larger than zone and rows, and the place of the zone on it; none for other plates."""
+    if file.plate.length_mm is None or file.plate.width_mm is None:
+        return {}
+    x, y = file.zone.centre_mm or (0.0, file.zone.centre_y_mm or 0.0)
+    larger = MM * file.plate.length_mm, MM * file.plate.width_mm
+    return {"larger_m": larger, "centre_m": (MM * x, MM * y), "surround": bool(file.array.surround)}
 
 
 def _air(values: Values) -> Air | None:

@@ -79,6 +79,10 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "solve.near_kHz": ("solve.band_kHz",),
     "patches.centres_mm": ("patches.at",),
     "patches.at": ("patches.centres_mm",),
+    "plate.length_mm": ("array.extension_mm",),
+    "plate.width_mm": ("array.extension_mm",),
+    "zone.centre_mm": ("zone.centre_y_mm",),
+    "zone.centre_y_mm": ("zone.centre_mm",),
     **UNIFORM_ROW_KEYS,
     **{other: (key,) for key, others in UNIFORM_ROW_KEYS.items() for other in others},
 }

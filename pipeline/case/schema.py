@@ -44,6 +44,7 @@ SECTIONS_ALLOWED = (
 )
 GLUE_ALLOWED = "a table {material, thickness_mm} of the layer between patches and plate"
 LAYERS_ALLOWED = "tables [[plate.layer]] of material and thickness_mm, from the touch face to the back"
+FROM_CENTRE = "from the plate's centre"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
 
 Numbers = Iterable[float]  # lists, tuples, arrays
@@ -145,6 +146,8 @@ class LayerTable(Table):
 
 class PlateTable(Table):
     thickness_mm: float = positive(LENGTH_MM)
+    length_mm: float | None = optional(LENGTH_MM)
+    width_mm: float | None = optional(LENGTH_MM)
     layer: None = Field(default=None, description=LAYERS_ALLOWED)  # read one by one, as their materials are
 
 
@@ -160,6 +163,8 @@ class ZoneTable(Table):
     count: int = whole(1, limits.MAX_ZONES, default=1)
     shared_rows: int = whole(0, 1000, default=0)
     gap_mm: float | None = optional(LENGTH_MM)
+    centre_mm: Place | None = Field(default=None, description=f"two numbers [x, y], {FROM_CENTRE}")
+    centre_y_mm: Coordinate | None = Field(default=None, description=f"a number, {FROM_CENTRE}")
 
 
 def _zero_or(within: Range) -> AfterValidator:
@@ -189,6 +194,7 @@ class ArrayTable(Table):
         default=None, description="square, rectangular, staggered or triangular"
     )
     extension_mm: Length = 0.0
+    surround: bool = Field(default=False, description="true or false")
 
 
 class SolveTable(Table):
@@ -399,6 +405,8 @@ class Tables:
 class Zone(TypedDict, total=False):
     """Active zone: a strip of length_mm along x and width_mm across; the target mode has nodal_lines nodes along x.
 
+    On a plate larger than zone and rows its centre may be anywhere, at centre_mm from the plate's.
+
     >>> from antinode import Zone
     >>> Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8)["width_mm"]
     20.0
@@ -410,6 +418,8 @@ class Zone(TypedDict, total=False):
     count: int
     shared_rows: int
     gap_mm: float
+    centre_mm: list[float]
+    centre_y_mm: float
 
 
 class Pillar(TypedDict, total=False):

@@ -30,7 +30,7 @@ def export(arguments: Namespace) -> int:
 
 def _require_part(case: Case, part: str, command: str) -> None:
     if part == "plate":
-        case.require_plate(command=command, several=command in SOLIDS)
+        case.require_plate(command=command, several=command in SOLIDS, larger=True)
     elif part == "zone":
         case.require("plate", "zone", command="modes --part zone")
     else:

@@ -175,7 +175,7 @@ def of_case(arguments: Namespace) -> Scene:
 
     case, log = load_case(arguments.target, arguments.set), TerminalLog(arguments.quiet)
     warn_of_doubts(case.design, log)
-    case.require_plate(command="view", several=not arguments.solve)
+    case.require_plate(command="view", several=not arguments.solve, larger=True)
     if not arguments.solve:
         return _solid(case, log)
     part_modes = modes.solve_modes(case, modes.Request("plate", symmetry=case.target_symmetry), log)

@@ -51,7 +51,7 @@ def read(
         at = None if given.at_m is None else f"{given.at_m[0] / MM!r},{given.at_m[1] / MM!r}"
     if sweep is None and field is None:
         return None
-    case.require_plate(command="response")
+    case.require_plate(command="response", larger=True)
     case.require("patches", command="response")
     measured = files.read_sweep(sweep) if sweep is not None else None
     if measured and measured.quantity == "sensor" and not (case.patches and case.patches.sensors):
@@ -80,7 +80,7 @@ def _refuse_elsewhere(measured: MeasuredSweep, band_hz: tuple[float, float], wha
 def _place(at: str | None, case: Case, what: str) -> tuple[float, float] | None:
     if at is None:
         return None
-    half = (case.design.length_m / 2.0, case.design.half_span_m)
+    half = (case.design.half_length_m, case.design.half_span_m)
     allowed = f"must be X,Y in mm, within {half[0] / MM:g} and {half[1] / MM:g} of the plate's centre"
     try:
         x, y = (MM * float(part) for part in at.split(","))

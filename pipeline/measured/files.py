@@ -206,7 +206,7 @@ def read_field(path: str | Path, design: Design) -> MeasuredField:
         quantity == "acceleration"
     ):  # at one frequency it is proportional to displacement, and comparisons of maps ignore the factor
         quantity, values = "displacement", -values
-    for axis, half in enumerate((design.length_m / 2.0, design.half_span_m)):
+    for axis, half in enumerate((design.half_length_m, design.half_span_m)):
         beyond = np.flatnonzero(np.abs(points[:, axis]) > half + EDGE_M)
         if len(beyond):
             limit = f"beyond the plate: must be from {-half / MM:g} to {half / MM:g} mm"
@@ -343,7 +343,7 @@ def _universal_field(path: Path, design: Design) -> MeasuredField:
     if faults or len(set(nodes)) < len(nodes):
         raise InputError(faults or f"{path}: a node has several responses: must have one each for a map")
     points = np.array([places[node] for node in nodes])
-    beyond = np.abs(points) > np.array([design.length_m / 2.0, design.half_span_m]) + EDGE_M
+    beyond = np.abs(points) > np.array([design.half_length_m, design.half_span_m]) + EDGE_M
     if beyond.any():
         node = nodes[int(np.flatnonzero(beyond.any(axis=1))[0])]
         raise InputError(

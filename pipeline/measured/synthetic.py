@@ -5,6 +5,7 @@ The "measured" plate is the case with the changes of --set: compared with the ca
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import ceil, pi
 from pathlib import Path
 
@@ -75,11 +76,17 @@ def tones(case: Case, peak_hz: float) -> FloatArray:
 def grid(design: Design) -> FloatArray:
     """Centres of equal cells over the touch face, (n, 2) in m; no cell crosses the zone's border."""
     step = min(SPACING_M, design.width_m / 8.0)
-    border, edge = design.width_m / 2.0, design.half_span_m
-    x = _middles(-design.length_m / 2.0, design.length_m / 2.0, step)
-    beyond = _middles(border, edge, step) if edge - border > 1e-6 * border else np.empty(0)
-    y = np.concatenate([-beyond[::-1], _middles(-border, border, step), beyond])
+    half = design.width_m / 2.0
+    borders = (design.centre_m[1] - half, design.centre_m[1] + half)
+    x, y = _between(design.zone_ends_m, design.half_length_m, step), _between(borders, design.half_span_m, step)
     return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _between(borders: tuple[float, float], edge: float, step: float) -> FloatArray:
+    """Middles of cells from one edge of the plate to the other, in each of the parts that the borders make."""
+    slack = 1e-6 * (borders[1] - borders[0])
+    parts = [(low, high) for low, high in pairwise((-edge, *borders, edge)) if high - low > slack]
+    return np.concatenate([_middles(low, high, step) for low, high in parts])
 
 
 def _middles(low: float, high: float, step: float) -> FloatArray:

@@ -109,7 +109,8 @@ def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -
     warn_of_locking(design, mesh, log)
     clamped = ("foot",) if choice.edge_m and part == "pillar" else clamped_faces(part, choice.quarter)
     materials = region_materials(design.stack, design.pillar)
-    return SolidModel(mesh, materials, clamped, choice.quarter, design.touch_lines_m)
+    lines, cuts = design.touch_lines_m, design.touch_cuts_m if part == "plate" else ()
+    return SolidModel(mesh, materials, clamped, choice.quarter, lines, cuts_m=cuts)
 
 
 def warn_of_locking(design: Design, mesh: AnyMesh, log: Log) -> None:
@@ -161,7 +162,7 @@ def _lower_orders(
     design: Design, boxes: Boxes, order: Nested[SolidModel], lower: Nested[SolidModel], degree: int
 ) -> LowerOrders:
     """Error estimate from lower orders, for a plate without pillars and hence without singular edges."""
-    smallest = min(design.length_m, 2.0 * design.half_span_m, design.thickness_m)
+    smallest = min(*design.plate_m, design.thickness_m)
     x, y, z = (float(np.diff(line).max()) / smallest for line in (boxes.x, boxes.y, boxes.z))
     return LowerOrders(order, lower, degree, max(x, y), z)
 

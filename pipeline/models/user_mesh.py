@@ -70,7 +70,8 @@ def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
     warn_of_locking(case.design, mesh, log)
     mesh = _with_touch(mesh)
     frame = touch_frame(mesh, case.design, file, bool(clamps or fixed)) if _has_touch(case, mesh) else None
-    model = SolidModel(mesh, materials, (*clamps, *fixed), False, case.design.touch_lines_m, frame)
+    lines, cuts = case.design.touch_lines_m, case.design.touch_cuts_m
+    model = SolidModel(mesh, materials, (*clamps, *fixed), False, lines, frame, cuts)
     request = _request(case, query)
     pencil = model.pencil(None)
     with log.step("solve"):
@@ -218,7 +219,7 @@ def touch_frame(mesh: AnyMesh, design: Design, file: str, is_held: bool = False)
     InputError
         For a face that is not flat, or whose smallest rectangle does not contain the zone.
     """
-    points = mesh.nodes[mesh.nodes_of("touch")]
+    points, design = mesh.nodes[mesh.nodes_of("touch")], _as_long(design)
     if is_held and _is_cut_by_mirrors(points, design):
         return None
     middle = points.mean(axis=0)
@@ -234,6 +235,14 @@ def touch_frame(mesh: AnyMesh, design: Design, file: str, is_held: bool = False)
     along_x = sides[along] @ axes[:2]
     along_x = along_x * (1.0 if along_x[np.argmax(np.abs(along_x))] > 0.0 else -1.0)
     return _unless_in_place(Frame(origin, np.array([along_x, np.cross(along_z, along_x), along_z])), design)
+
+
+def _as_long(design: Design) -> Design:
+    """Return a design whose zone is as large as a plate larger than zone and rows: it is what the touch face has to fit."""
+    if not design.larger_m:
+        return design
+    length, width = design.plate_m
+    return replace(design, length_m=length, width_m=width, larger_m=None, centre_m=(0.0, 0.0), surround=False, rows=0)
 
 
 def _is_cut_by_mirrors(points: FloatArray, design: Design) -> bool:
@@ -290,7 +299,7 @@ def _unless_in_place(frame: Frame, design: Design) -> Frame | None:
 
 
 def _unfit(file: str, what: str, design: Design | None = None) -> InputError:
-    zone = "" if design is None else f" of {design.length_m / MM:g} mm (zone.length_mm) within 1 %"
-    wide = "" if design is None else f" and at least {design.width_m / MM:g} mm wide (zone.width_mm)"
+    zone = "" if design is None else f" of {design.length_m / MM:g} mm (length_mm of zone or plate) within 1 %"
+    wide = "" if design is None else f" and at least {design.width_m / MM:g} mm wide (width_mm)"
     allowed = f"must be a plane face{zone}{wide}; rename the group to skip the measures of a touch face"
     return InputError(f"{file}: group TOUCH {what}: {allowed}")

@@ -11,7 +11,7 @@ from itertools import pairwise
 from math import ceil, inf, pi, prod, sqrt
 
 from geometry.hex.scenes import HexSettings
-from geometry.layout import Design
+from geometry.layout import Design, half_wavelength_m
 from solvers.accuracy import calibration
 from solvers.accuracy.calibration import MeshLevel
 from solvers.analytic.beams import roots
@@ -255,7 +255,10 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
     further = LAYERED if face.joints else FURTHER if thick else 0
     mesh = cell_mesh(design, cell_level(accuracy))
     wave_m = design.stack.mean.shear_m_s / high_hz if high_hz > 0.0 else inf
-    longest = min(3.0 * design.thickness_m, wave_m)
+    bare_m = 3.0 * design.thickness_m
+    if design.larger_m:  # most of it is bare: panels as long as the degree along their sides allows
+        bare_m = max(bare_m, limits.get(along, 0.0) * design.line_spacing_m)
+    longest = min(bare_m, wave_m)
     size = min(bare_size_m(design, mesh.order) or inf, wave_m / 2.0)
     reduction = ReductionSettings(face, cutoff_to_hz(design, accuracy, high_hz), mesh, longest, size, further)
     return replace(reduction, hexahedra=with_nodes_for(reduction.ample, mesh))
@@ -349,7 +352,7 @@ def search_window_hz(design: Design) -> tuple[float, float]:
     Slower motion does not bend across the zone, even if it resembles half a sine.
     """
     low, high = target_window_hz(design)
-    if design.nodal_lines < 2:  # its shape is rigid along: rigid across, it would not bend at all
+    if design.half_wavelength_m is None:  # its shape is rigid along: rigid across, it would not bend at all
         return low, high
     strip = _strip(design)
     return min(low, _target_hz(design) - thin_plate_hz(strip, 0.0, strip.across_per_m)), high
@@ -362,15 +365,15 @@ def clamped_hz(design: Design) -> float:
 
 @lru_cache(maxsize=64)
 def _clamped_hz(strip: Strip, lines: int) -> float:
-    if lines < 2:  # cylindrical bending of a clamped beam across the zone
+    if half_wavelength_m(strip.length_m, lines, strip.held) is None:  # a clamped beam bends across the zone
         return thin_plate_hz(strip, 0.0, roots("clamped", "clamped", 1)[0] / strip.width_m)
-    return mindlin_mode(strip, lines, "clamped").frequency_hz if lines <= MAX_LINES else 0.0
+    return mindlin_mode(strip, lines, "clamped").frequency_hz if strip.doubled(lines)[1] <= MAX_LINES else 0.0
 
 
 def _target_hz(design: Design) -> float:
     """Exact thin-plate frequency of the zone, Hz; of several layers with the shear of the wave that it is made of."""
     strip = _strip(design)
-    if design.nodal_lines < 2:  # a rigid shape along x: cylindrical bending across the zone
+    if design.half_wavelength_m is None:  # a rigid shape along x: cylindrical bending across the zone
         return thin_plate_hz(strip, 0.0, strip.across_per_m) * sheared(strip, 0.0, strip.across_per_m)
     along = pi / (design.half_wavelength_m or inf)
     return levy_hz(strip, design.nodal_lines) * sheared(strip, along, strip.across_per_m)

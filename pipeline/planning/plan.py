@@ -142,7 +142,7 @@ def _window(query: Request) -> str:
 
 def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, several: bool = False) -> Step:
     """Plan the forced response to the patches."""
-    case.require_plate(command="response", several=several)
+    case.require_plate(command="response", several=several, larger=True)
     case.require("patches", command="response")
     patches = case.patches
     assert patches is not None

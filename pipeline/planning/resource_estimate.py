@@ -176,8 +176,9 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
         return plate_modes(
             frequency_hz, design.length_m, design.width_m, design.thickness_m, design.stack.mean, clamped_m
         )
-    across = 2.0 * design.half_span_m
-    plate = plate_modes(frequency_hz, design.length_m, across, design.thickness_m, design.stack.mean)
+    plate = plate_modes(frequency_hz, *design.plate_m, design.thickness_m, design.stack.mean)
+    if design.surround and design.pillar:
+        return plate + pillar_count(design) * design.pillar.faces * pillar_modes(frequency_hz, design.pillar)
     own = Counter(design.row_pillars)
     shared = design.shared_rows * (design.zones - 1) / 2.0  # a row stands for two, one on each side
     if design.pillar and shared:
@@ -189,7 +190,9 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
 
 
 def pillar_count(design: Design) -> int:
-    """Number of pillars of the plate, without listing them."""
+    """Number of pillars of the plate, without listing them unless they surround a zone."""
+    if design.surround:
+        return len(design.pillar_centres())
     rows = 2 * design.rows + design.shared_rows * (design.zones - 1)
     shifted = design.rows // 2 if design.is_staggered else 0
     return rows * _per_row(design) // 2 - 2 * shifted if design.row_pillars else 0
@@ -233,7 +236,9 @@ def _volume_m3(design: Design, part: str) -> float:
         return design.lattice.area_m2 * design.thickness_m + (one * pillar.faces if pillar else 0.0)
     if part == "zone":
         return design.length_m * design.width_m * design.thickness_m
-    plate = design.length_m * 2.0 * design.half_span_m * design.thickness_m
+    plate = design.plate_m[0] * design.plate_m[1] * design.thickness_m
+    if design.surround and pillar:
+        return plate + pillar_count(design) * pillar.faces * one
     return plate + (
         _per_row(design) * sum(each.faces * each.volume_m3 for each in design.row_pillars)
         if pillar_count(design)
@@ -346,7 +351,7 @@ def of_panels(design: Design, choice: ModelChoice, reduction: ReductionSettings)
 
 def _panels(design: Design, reduction: ReductionSettings) -> tuple[int, int]:
     """Number of panels along x and y."""
-    bare = design.length_m / reduction.max_edge_m, 2.0 * design.half_span_m / reduction.max_edge_m
+    bare = design.plate_m[0] / reduction.max_edge_m, design.plate_m[1] / reduction.max_edge_m
     many = pillar_count(design)
     if many > MAX_LINES or max(bare) > MAX_LINES:
         columns = many / (2 * design.rows) if design.rows else 0.0

@@ -43,14 +43,18 @@ def footprints_mm(design: DesignRecord, centres_m: FloatArray) -> list[FloatArra
 
 
 def draw_outlines(axes: Axes, design: DesignRecord) -> None:
-    """Draw the zone's long sides (dashed) and every pillar's footprint, in mm."""
+    """Draw the zone's sides within the plate (dashed) and every pillar's footprint, in mm."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Rectangle
 
-    half, edge, span = design.length_m / 2 / MM, design.width_m / 2 / MM, design.half_span_m / MM
-    for middle in design.zone_centres_m or [0.0]:
+    half, edge, span = design.half_length_m / MM, design.width_m / 2 / MM, design.half_span_m / MM
+    (x, y), reach = np.array(design.centre_m) / MM, design.length_m / 2 / MM
+    for middle in design.zone_centres_m or [MM * y]:
         for side in (middle / MM - edge, middle / MM + edge):
-            axes.plot([-half, half], [side, side], **ZONE_EDGE)
+            axes.plot([x - reach, x + reach], [side, side], **ZONE_EDGE)
+        for end in (x - reach, x + reach):
+            if abs(end) < half * (1 - 1e-9):
+                axes.plot([end, end], [middle / MM - edge, middle / MM + edge], **ZONE_EDGE)
     feet = footprints_mm(design, np.reshape(design.pillar_centres_m, (-1, 2)))
     axes.add_patch(Rectangle((-half, -span), 2 * half, 2 * span, fill=False, ec="#333333", lw=0.6))
     axes.add_collection(PolyCollection(feet, facecolor="none", edgecolor="#333333", linewidth=0.45))
@@ -58,7 +62,7 @@ def draw_outlines(axes: Axes, design: DesignRecord) -> None:
 
 def frame_plate(axes: Axes, design: DesignRecord) -> None:
     """Set the axes in mm to the bounds of the plate."""
-    half_x, half_y = design.length_m / 2 / MM, design.half_span_m / MM
+    half_x, half_y = design.half_length_m / MM, design.half_span_m / MM
     rim = 0.01 * half_x
     axes.set(xlim=(-half_x - rim, half_x + rim), ylim=(-half_y - rim, half_y + rim))
     style.mm_axes(axes)
@@ -68,12 +72,13 @@ def frame_plate(axes: Axes, design: DesignRecord) -> None:
 
 def flat_height_in(design: DesignRecord, width_in: float) -> float:
     """Return the height of a plate drawn `width_in` wide, inches."""
-    return float(width_in * design.half_span_m / (design.length_m / 2))
+    return float(width_in * design.half_span_m / design.half_length_m)
 
 
 def zone_peak(arrays: dict[str, Any], design: DesignRecord) -> float:
     """Return the largest |u_z| of the target mode on the active touch face, in the scale of the mode."""
-    inside = np.abs(arrays["touch_xy"][:, 1]) <= design.width_m / 2 * (1 + 1e-9)
+    places = np.abs(arrays["touch_xy"] - np.array(design.centre_m))
+    inside = (places <= np.array([design.length_m, design.width_m]) / 2 * (1 + 1e-9)).all(axis=1)
     return float(np.max(np.abs(arrays["touch_uz"][0][inside])))
 
 

@@ -278,7 +278,7 @@ def _corner(points: FloatArray, faces: IntArray, design: DesignRecord) -> tuple[
     middles = points[faces].mean(axis=1)
     columns = np.unique(np.reshape(design.pillar_centres_m, (-1, 2))[:, 0])
     between = (columns[1:] + columns[:-1]) / 2  # cut no pillar
-    start = design.length_m / 2 - CORNER_M
+    start = design.half_length_m - CORNER_M
     visible = middles[:, 0] > (between[np.argmin(np.abs(between - start))] if between.size else start)
     visible &= middles[:, 1] > min(design.width_m / 2, design.half_span_m - CORNER_M)
     visible |= ~visible.any()  # a mesh without such a corner is shown whole
@@ -345,7 +345,7 @@ def _in_plane(case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any],
 def _extent_mm(image: Any, design: DesignRecord) -> tuple[float, float, float, float]:
     """Return left, right, lower and upper edge, mm, of a cropped picture of the plate from above."""
     height, width = image.shape[:2]
-    half_x, half_y = design.length_m / 2.0 / MM, design.half_span_m / MM
+    half_x, half_y = design.half_length_m / MM, design.half_span_m / MM
     beyond_x, beyond_y = (
         2.0 * MARGIN * half / (size - 2 * MARGIN) for half, size in ((half_x, width), (half_y, height))
     )
@@ -353,9 +353,11 @@ def _extent_mm(image: Any, design: DesignRecord) -> tuple[float, float, float, f
 
 
 def _dimensions(design: DesignRecord, geometry: Any) -> str:
-    plate = f"plate {design.length_m / MM:g} × {2 * design.half_span_m / MM:g} × {design.thickness_m / MM:g} mm"
-    zones = len(design.zone_centres_m)
-    words = [plate, f"{f'{zones} zones' if zones else 'zone'} {design.width_m / MM:g} mm wide"]
+    plate = (
+        f"plate {2 * design.half_length_m / MM:g} × {2 * design.half_span_m / MM:g} × {design.thickness_m / MM:g} mm"
+    )
+    zones, long = len(design.zone_centres_m), f"{design.length_m / MM:g} mm long and " if design.larger_m else ""
+    words = [plate, f"{f'{zones} zones' if zones else 'zone'} {long}{design.width_m / MM:g} mm wide"]
     pillar, pitch_m = design.pillar, design.pitch_x_m
     if pillar and pitch_m:
         rows = len({y for _, y in design.pillar_centres_m})

@@ -240,6 +240,7 @@ class Attenuation(
     Question[AttenuationResult],
     needs=("plate", "array.pitch_mm", "pillar"),
     pictures=("report.gallery.attenuation",),
+    of_any_plate=True,
 ):
     """Compute the attenuation per row in dB across the border of the zone, at a wavenumber along it.
 

@@ -393,6 +393,7 @@ class Bands(
     needs=("plate", "array.pitch_mm"),
     pictures=("report.gallery.dispersion",),
     at_own_frequencies=True,
+    of_any_plate=True,
 ):
     """Compute Bloch bands and gaps of the unit cell along the case's path.
 

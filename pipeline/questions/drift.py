@@ -83,7 +83,9 @@ class DriftResult(Result, table="points", axes=("temperature_C",)):
         return f"<antinode.Drift: {len(self.points)} temperatures>"
 
 
-class Drift(Question[DriftResult], needs=("plate", "zone"), example="drift examples/small.toml --points 3"):
+class Drift(
+    Question[DriftResult], needs=("plate", "zone"), example="drift examples/small.toml --points 3", of_any_plate=True
+):
     """Compute the drift of the target mode with temperature (Hz/K, dB/K), and the stress of the plate's layers (Pa/K).
 
     Materials follow `dE_dT_per_K` and `expansion_per_K`; one without either stays as it is.

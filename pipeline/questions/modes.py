@@ -263,6 +263,7 @@ class Modes(
     Question[ModesResult],
     example="modes studies/three-rows.toml --part zone --count 14",
     at_own_frequencies=True,
+    of_any_plate=True,
     aliases=("confinement",),
     pictures=("plots.rendering.report_figures", "plots.fields.touch_face", "plots.fields.neighbours"),
 ):
@@ -282,11 +283,15 @@ class Modes(
         help="one symmetry class: u_z symmetric (S) or antisymmetric (A), in x then in y",
     )
 
+    def asked_of(self, case: Case) -> Case:
+        """Return the case of the part: its zone ends free, also where the plate goes on."""
+        return replace(case, design=case.design.zone_alone) if self.part == "zone" else case
+
     def check(self, case: Case) -> None:
         """Raise InputError for a case that lacks the part, and for a band together with a frequency."""
         _check_window(self.near_kHz, self.band_kHz)
         if self.part == "plate":
-            case.require_plate(command="modes --part plate")
+            case.require_plate(command="modes --part plate", larger=True)
         else:
             case.require(*NEEDED[self.part], command=f"modes --part {self.part}")
 
@@ -376,18 +381,22 @@ class Shapes(Question[ShapesResult], follows="modes"):
         return ShapesResult(**mode_fields.shapes(solved, case.design))
 
 
-class ZoneModes(Question[ModesResult], in_studies_only=True, aliases=("parts",), at_own_frequencies=True):
+class ZoneModes(
+    Question[ModesResult], in_studies_only=True, aliases=("parts",), at_own_frequencies=True, of_any_plate=True
+):
     """Compute the modes of the isolated zone, to compare with the pre-design."""
 
     asked: ClassVar[dict[str, Any]] = {"part": "zone"}
 
     def plan(self, case: Case) -> Plan:
-        return plans.plan_of(case, replace(plans.modes_step(case, _request(**self.asked)), measure=self.name))
+        alone = replace(case, design=case.design.zone_alone)
+        return plans.plan_of(case, replace(plans.modes_step(alone, _request(**self.asked)), measure=self.name))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         from pipeline.models.modes import solve_modes
 
-        solved = solve_modes(case, _request(**self.asked), run, plan.steps[0].choice)
+        alone = replace(case, design=case.design.zone_alone)
+        solved = solve_modes(alone, _request(**self.asked), run, plan.steps[0].choice)
         run.meshes += solved.meshes
         return ModesResult.of_solved(solved, case)
 

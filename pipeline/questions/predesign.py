@@ -143,7 +143,7 @@ class PredesignResult(Result, axes=("part", "quantity")):
         return f"<antinode.Predesign: zone {frequency(self.zone_hz)}{height}>"
 
 
-class Predesign(Question[PredesignResult], needs=("plate", "zone"), is_quick=True):
+class Predesign(Question[PredesignResult], needs=("plate", "zone"), is_quick=True, of_any_plate=True):
     """Size zone and pillar analytically: frequencies in Hz, lengths in mm.
 
     >>> import antinode
@@ -188,7 +188,7 @@ def expected_errors(part: str, design: Design) -> dict[str, float]:
         if not design.pillar or not design.pillar.is_square_prism or design.pillar.material.constants is None:
             return {}
         slender = design.pillar.base_m / design.pillar.height_m
-    elif design.nodal_lines < 2 or not design.stack.is_uniform:
+    elif design.nodal_lines < 2 or design.held_ends or not design.stack.is_uniform:
         return {}
     errors = {name: calibration.by_theory(part, theory, slender) for name, theory in THEORIES[part].items()}
     return {name: error for name, error in errors.items() if error is not None}

@@ -194,6 +194,7 @@ class Question(Declared, Generic[R]):
     example: ClassVar[str] = ""  # a command line
     drives: ClassVar[bool] = False  # whether it drives the plate
     of_any_zones: ClassVar[bool] = False  # whether plates with several zones can answer it
+    of_any_plate: ClassVar[bool] = False  # whether plates larger than zone and rows can answer it
     # functions that draw a study's case from several answers, in place of the result's own
     pictures: ClassVar[Axis] = ()
     step: ClassVar[tuple[str, str]] = ("", "")  # for a plan of one step: what is computed, and by which model
@@ -275,7 +276,7 @@ class Question(Declared, Generic[R]):
         """Raise InputError for an unsuitable case; subclasses add conditions beyond `needs`."""
         command = self.instead_of or self.name
         if self.drives:
-            case.require_plate(command=command, several=self.of_any_zones)
+            case.require_plate(command=command, several=self.of_any_zones, larger=self.of_any_plate)
         if self.needs:
             case.require(*self.needs, command=command)
 

@@ -357,6 +357,7 @@ class Response(
     Question[ResponseResult],
     needs=("patches",),
     drives=True,
+    of_any_plate=True,
     example="response studies/three-rows.toml --band 28kHz:38kHz",
 ):
     """Compute the forced response to the patches over a band, with more points about each peak.

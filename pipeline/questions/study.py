@@ -56,7 +56,8 @@ def chosen(query: Iterable[str]) -> list[Question[Any]]:
 def check(case: Case, query: Iterable[str]) -> None:
     """Raise InputError for a case that lacks a table or key that its questions need."""
     asked = chosen(query)
-    case.require_plate(command="a study", several=all(each.of_any_zones for each in asked))
+    zones, larger = (all(getattr(each, name) for each in asked) for name in ("of_any_zones", "of_any_plate"))
+    case.require_plate(command="a study", several=zones, larger=larger)
     for each in asked:
         if each.drives and each.needs:
             case.require(*each.needs, command=f"the measure {each.name}")

@@ -193,6 +193,7 @@ class Touch(
     Question[TouchResult],
     needs=("patches", "touch"),
     drives=True,
+    of_any_plate=True,
     example="touch examples/touch-plate.toml --out touched",
 ):
     """Compute detuning (Hz), amplitude, friction and power with a finger on the driven plate (requires [touch]).

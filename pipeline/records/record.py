@@ -109,7 +109,8 @@ class PillarRecord(Open):
 class DesignRecord(Part):
     """Design data for tables and pictures; pillar_centres_m: (x, y) from the plate's centre, row by row along y.
 
-    zone_centres_m: y of every zone if there are several. If rows differ, graded_pillars and graded_widths_m (of the
+    zone_centres_m: y of every zone if there are several. larger_m: length and width of a plate larger than zone and rows, with
+    the zone's centre. If rows differ, graded_pillars and graded_widths_m (of the
     rows' strips) have one entry per row from the zone outwards, and pillar is that of the first row.
     """
 
@@ -128,6 +129,14 @@ class DesignRecord(Part):
     graded_widths_m: list[float] = []
     staggered: bool = False
     zone_centres_m: list[float] = []
+    larger_m: tuple[float, float] | None = None
+    centre_m: tuple[float, float] = (0.0, 0.0)
+    surround: bool = False
+
+    @property
+    def half_length_m(self) -> float:
+        """Half of the plate's length, m."""
+        return (self.larger_m[0] if self.larger_m else self.length_m) / 2.0
 
     @classmethod
     def of_design(cls, design: Design) -> DesignRecord:

@@ -221,9 +221,10 @@ def sketch(design: DesignRecord) -> Markup:
     """Return a sketch of plate, zone and pillars with dimensions in mm."""
     from markupsafe import Markup
 
-    length, breadth = design.length_m / MM, 2.0 * design.half_span_m / MM
+    length, breadth = 2.0 * design.half_length_m / MM, 2.0 * design.half_span_m / MM
     scale = min(1.0, WIDE / length)
-    x0, y0, zone = -length / 2.0, -breadth / 2.0, design.width_m / MM
+    x0, y0, zone, long = -length / 2.0, -breadth / 2.0, design.width_m / MM, design.length_m / MM
+    x, y = design.centre_m[0] / MM, -design.centre_m[1] / MM
     letters = 3.6 / scale
     pillars = " ".join(
         f"M{x / MM - half:.2f} {-y / MM - half:.2f}h{2 * half:.2f}v{2 * half:.2f}h{-2 * half:.2f}z"
@@ -236,9 +237,10 @@ def sketch(design: DesignRecord) -> Markup:
     return Markup(
         f'<svg class="sketch" viewBox="{box}" role="img" aria-label="Sketch of the plate: {words}">'
         f'<rect class="plate" {PLATE} x="{x0:.2f}" y="{y0:.2f}" width="{length:.2f}" height="{breadth:.2f}"/>'
-        f'<rect class="zone" {ZONE} x="{x0:.2f}" y="{-zone / 2:.2f}" width="{length:.2f}" height="{zone:.2f}"/>'
+        f'<rect class="zone" {ZONE} x="{x - long / 2:.2f}" y="{y - zone / 2:.2f}" width="{long:.2f}" height="{zone:.2f}"/>'
         f'<path class="pillars" {PILLARS} d="{pillars}"/>'
-        f'<g font-size="{letters:.2f}" text-anchor="middle"><text y="{letters / 3:.2f}">active zone, {zone:g} mm wide</text>'
+        f'<g font-size="{letters:.2f}" text-anchor="middle">'
+        f'<text x="{x:.2f}" y="{y + letters / 3:.2f}">active zone, {zone:g} mm wide</text>'
         f'<text y="{breadth / 2 + 1.6 * letters:.2f}">{words}</text></g></svg>'
     )
 

@@ -312,7 +312,8 @@ def facts_of(study: StoredStudy) -> list[str]:
     words = []
     if design:
         words.append(
-            f"plate {design.length_m / MM:g} × {2.0 * design.half_span_m / MM:g} × {design.thickness_m / MM:g}{WIDE}mm, "
+            f"plate {2.0 * design.half_length_m / MM:g} × {2.0 * design.half_span_m / MM:g} × "
+            f"{design.thickness_m / MM:g}{WIDE}mm, "
             f"zone {design.width_m / MM:g}{WIDE}mm"
         )
     if design and design.pillar and design.rows:

@@ -295,6 +295,37 @@ def free_free_mode(nodes: int) -> BeamMode:
     return beam_mode("free", "free", nodes - 1)
 
 
+def zone_mode(nodes: int, pinned_low: bool = False, pinned_high: bool = False) -> BeamMode:
+    """Compute the shape along a zone with a number of nodes between its ends, each of which is free or pinned.
+
+    Parameters
+    ----------
+    nodes : int
+        N.
+    pinned_low, pinned_high : bool, optional
+        Whether the end at s = 0, or at s = 1, is pinned.
+
+    Returns
+    -------
+    BeamMode
+        The shape over s in [0, 1].
+
+    Raises
+    ------
+    SolverError
+        For a negative number.
+    """
+    if not (pinned_low or pinned_high):
+        return free_free_mode(nodes)
+    if nodes < 0:
+        raise SolverError(f"nodal lines = {nodes}: must be 0 or more")
+    if pinned_low and pinned_high:
+        return beam_mode("pinned", "pinned", nodes + 1)
+    if nodes:
+        return beam_mode("pinned", "free", nodes) if pinned_low else beam_mode("free", "pinned", nodes)
+    return _normalised(0.0, np.array([0.0, 1.0, 0.0, 0.0] if pinned_low else [1.0, -1.0, 0.0, 0.0]))
+
+
 @lru_cache(maxsize=512)
 def antinodes(mode: BeamMode) -> tuple[float, ...]:
     """Find the inner extrema of a shape from sign changes of its slope.

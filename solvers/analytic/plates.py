@@ -16,7 +16,7 @@ from threadpoolctl import ThreadpoolController
 from geometry.elements import FloatArray
 from geometry.layout import Pillar
 from geometry.materials import Material, Stack
-from solvers.analytic.beams import free_free_mode, roots_along
+from solvers.analytic.beams import roots_along, zone_mode
 from solvers.errors import SolverError
 
 Sides = Literal["pinned", "clamped"]
@@ -31,16 +31,25 @@ MAX_BRANCHES = 200  # across one side: beyond, the volume alone counts
 
 @dataclass(frozen=True)
 class Strip:
-    """The bare zone, lengths in m: along x (free ends), across along y (held sides); its layers."""
+    """The bare zone, lengths in m: along x (free ends, of which `held` are pinned), across along y (held sides); its layers."""
 
     length_m: float
     width_m: float
     stack: Stack
+    held: int = 0
 
     def __post_init__(self) -> None:
         sizes = (self.length_m, self.width_m, self.stack.thickness_m)
         if not all(np.isfinite(size) and size > 0.0 for size in sizes):
             raise SolverError(f"{self}: sizes must be above 0")
+
+    def doubled(self, nodal_lines: int) -> tuple[Strip, int]:
+        """The strip with free or pinned ends alone and the number of lines on it: one with a pinned and a free end is half of
+        one twice as long with free ends, in a mode that is odd about its middle.
+        """
+        if self.held != 1:
+            return self, nodal_lines
+        return replace(self, length_m=2.0 * self.length_m, held=0), 2 * nodal_lines + 1
 
     @property
     def across_per_m(self) -> float:
@@ -149,7 +158,8 @@ def beam_function_hz(strip: Strip, nodal_lines: int) -> float:
     float
         In Hz.
     """
-    return thin_plate_hz(strip, free_free_mode(nodal_lines).kappa / strip.length_m, strip.across_per_m)
+    kappa = zone_mode(nodal_lines, strip.held > 0, strip.held > 1).kappa
+    return thin_plate_hz(strip, kappa / strip.length_m, strip.across_per_m)
 
 
 def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
@@ -197,6 +207,8 @@ def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
 def levy_along_per_m2(strip: Strip, nodal_lines: int) -> float:
     """Compute the square k^2 of the Levy mode's wavenumber along x.
 
+    Between two pinned ends k = (N + 1) pi/L.
+
     Parameters
     ----------
     strip : Strip
@@ -209,11 +221,14 @@ def levy_along_per_m2(strip: Strip, nodal_lines: int) -> float:
     float
         In rad^2/m^2; below 0 where the mode decays from the ends.
     """
+    if strip.held == 2:
+        return ((nodal_lines + 1) * pi / strip.length_m) ** 2
+    strip, nodal_lines = strip.doubled(nodal_lines)
     return levy_wavenumber_per_m(strip, nodal_lines) ** 2 - strip.levy_ratios[1] * strip.across_per_m**2
 
 
 def levy_hz(strip: Strip, nodal_lines: int) -> float:
-    """Compute the frequency of the exact Kirchhoff mode (0, N) with pinned sides and free ends; see levy_wavenumber_per_m.
+    """Compute the frequency of the exact Kirchhoff mode (0, N) with pinned sides; see levy_along_per_m2.
 
     Parameters
     ----------
@@ -259,7 +274,8 @@ def kirchhoff_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     ----------
     .. [1] leissa1969 (docs/references.bib)
     """
-    x, y = _along(strip, nodal_lines), _across(strip, _power(sides))
+    strip, nodal_lines = strip.doubled(nodal_lines)
+    x, y = _along(strip, nodal_lines, pinned=True), _across(strip, _power(sides))
     d = strip.stack.bending_n_m
     xx, x0 = _pair(x, x.curve, x.curve), _pair(x, x.value, x.value)
     yy, y0 = _pair(y, y.curve, y.curve), _pair(y, y.value, y.value)
@@ -270,13 +286,13 @@ def kirchhoff_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     )
     mass: FloatArray = np.asarray(np.kron(x0, y0), dtype=np.float64)
     values, vectors = _lowest(stiffness, strip.stack.mass_kg_m2 * mass, nodal_lines)
-    return _target(values, vectors, x, y, nodal_lines)
+    return _target(values, vectors, (x, y), nodal_lines, strip.held > 0)
 
 
 def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     """Compute the mode (0, N) by Ritz with shear (factor 5/6) and rotary inertia.
 
-    Pinned sides hold w and the rotation along the side, clamped ones every displacement.
+    Pinned sides and ends hold w and the rotation along them, clamped ones every displacement.
 
     Parameters
     ----------
@@ -301,7 +317,8 @@ def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     ----------
     .. [1] mindlin1951 (docs/references.bib)
     """
-    w = _along(strip, nodal_lines), _across(strip, 1)
+    strip, nodal_lines = strip.doubled(nodal_lines)
+    w = _along(strip, nodal_lines, pinned=True), _across(strip, 1)
     a = _along(strip, nodal_lines, odd_shift=1), w[1]
     b = w[0], _across(strip, 1 if _power(sides) == 2 else 0, odd=True)
     d, (gx, gy) = strip.stack.bending_n_m, strip.stack.shear_n_m
@@ -326,7 +343,7 @@ def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     mass[size : size + aa.shape[0], size : size + aa.shape[0]] = rotary * block(a, a, vv, vv)
     mass[-bb.shape[0] :, -bb.shape[0] :] = rotary * block(b, b, vv, vv)
     values, vectors = _lowest(stiffness, mass, nodal_lines)
-    return _target(values, vectors[:size], *w, nodal_lines)
+    return _target(values, vectors[:size], w, nodal_lines, strip.held > 0)
 
 
 def lamb_hz(wavenumber_per_m: float, thickness_m: float, material: Material, symmetric: bool) -> float:
@@ -536,12 +553,15 @@ def _power(sides: str) -> int:
     return 1 if sides == "pinned" else 2
 
 
-def _along(strip: Strip, nodal_lines: int, odd_shift: int = 0) -> _Axis:
-    """Legendre polynomials of the mode's parity along x, enough for N nodes; odd_shift = 1 for the rotation."""
+def _along(strip: Strip, nodal_lines: int, odd_shift: int = 0, pinned: bool = False) -> _Axis:
+    """Legendre polynomials of the mode's parity along x, enough for N nodes; odd_shift = 1 for the rotation. `pinned`: what
+    pinned ends hold is 0 there.
+    """
     if not 0 <= nodal_lines <= MAX_LINES:
         raise SolverError(f"nodal lines = {nodal_lines}: must be from 0 to {MAX_LINES} for a Ritz estimate")
     parity = (nodal_lines + odd_shift) % 2
-    return _axis(strip.length_m, parity, int(0.8 * nodal_lines) + 9, 0)  # N half-waves need a degree of pi/2 N
+    power = 1 if pinned and strip.held else 0
+    return _axis(strip.length_m, parity, int(0.8 * nodal_lines) + 9, power)  # N half-waves need a degree of pi/2 N
 
 
 def _across(strip: Strip, power: int, odd: bool = False) -> _Axis:
@@ -579,11 +599,14 @@ def _pair(axis: _Axis, left: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(left.T @ (axis.weights[:, None] * right))
 
 
-def _target(values: FloatArray, vectors: FloatArray, x: _Axis, y: _Axis, nodal_lines: int) -> ZoneMode:
-    """The Ritz mode most like sin(pi y/W) times the free-free shape with N nodes."""
+def _target(
+    values: FloatArray, vectors: FloatArray, axes: tuple[_Axis, _Axis], nodal_lines: int, pinned: bool
+) -> ZoneMode:
+    """The Ritz mode most like sin(pi y/W) times the shape with N nodes between free or pinned ends."""
+    x, y = axes
     points_x, _ = _gauss(len(x.weights))
     points_y, _ = _gauss(len(y.weights))
-    shape_x = free_free_mode(nodal_lines).shape((points_x + 1.0) / 2.0)
+    shape_x = zone_mode(nodal_lines, pinned, pinned).shape((points_x + 1.0) / 2.0)
     shape_y = np.cos(pi * points_y / 2.0)
     target = np.kron(x.value.T @ (x.weights * shape_x), y.value.T @ (y.weights * shape_y))
     own = float(x.weights @ shape_x**2) * float(y.weights @ shape_y**2)

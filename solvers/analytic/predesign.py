@@ -117,11 +117,11 @@ def strip_of(design: Design) -> Strip | None:
     """
     if any(isnan(size) for size in (design.length_m, design.width_m, design.thickness_m)):
         return None
-    return Strip(design.length_m, design.width_m, design.stack)
+    return Strip(design.length_m, design.width_m, design.stack, design.held_ends)
 
 
 def free_kx_per_m(design: Design) -> float:
-    """Compute the wavenumber along the zone of the target mode between free ends, by the exact thin plate with pinned sides.
+    """Compute the wavenumber along the zone of the target mode by the exact thin plate with pinned sides.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def free_kx_per_m(design: Design) -> float:
         In rad/m; 0 for the shapes that are rigid along x.
     """
     strip = strip_of(design)
-    if strip is None or design.nodal_lines < 2:
+    if strip is None or design.half_wavelength_m is None:
         return 0.0
     return sqrt(max(levy_along_per_m2(strip, design.nodal_lines), 0.0))
 
@@ -333,11 +333,11 @@ def min_nodal_lines(strip: Strip, half_wavelength_m: float) -> int:
 
 def _zone_size(strip: Strip, lines: int) -> ZoneSize:
     along = levy_along_per_m2(strip, lines)
-    ritz = lines <= MAX_LINES
+    ritz = strip.doubled(lines)[1] <= MAX_LINES
     return ZoneSize(
         nodal_lines=lines,
         frequency_hz=levy_hz(strip, lines) * sheared(strip, _along_per_m(strip, lines), strip.across_per_m),
-        half_wavelength_m=half_wavelength_m(strip.length_m, lines),
+        half_wavelength_m=half_wavelength_m(strip.length_m, lines, strip.held),
         formula_hz=beam_function_hz(strip, lines),
         node_spacing_m=pi / sqrt(along) if along > 0.0 else None,
         thin_clamped_hz=kirchhoff_mode(strip, lines, "clamped").frequency_hz if ritz else None,
@@ -346,8 +346,8 @@ def _zone_size(strip: Strip, lines: int) -> ZoneSize:
 
 
 def _along_per_m(strip: Strip, lines: int) -> float:
-    """Wavenumber of the free-free beam shape, rad/m; 0 for rigid shapes."""
-    return pi / (half_wavelength_m(strip.length_m, lines) or inf)
+    """Wavenumber of the beam shape, rad/m; 0 for rigid shapes."""
+    return pi / (half_wavelength_m(strip.length_m, lines, strip.held) or inf)
 
 
 def _with_shear(strip: Strip, lines: int) -> tuple[float, float]:
@@ -412,7 +412,7 @@ def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
         f"{'below' if error < 0.0 else 'above'} the exact thin plate's {zone.frequency_hz / 1e3:.3g} kHz: it does not satisfy "
         "the conditions at a plate's free ends"
     ]
-    lines = lines if not design.layers else []  # the formula knows no shear
+    lines = lines if not design.layers and design.held_ends < 2 else []  # the formula knows no shear
     if zone.half_wavelength_m is not None:
         finger = "below" if zone.half_wavelength_m < FINGER_M else "not below"
         lines.append(

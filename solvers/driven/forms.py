@@ -36,7 +36,9 @@ def contrast_volts(plate: ForcedPlate, frequency_hz: float) -> ComplexArray | No
         In V, 0 for sensors, the largest of size 1; None with one driver or no passive face.
     """
     drivers = plate.drivers
-    passive = 2.0 * plate.design.half_span_m > plate.design.width_m * (1.0 + 1e-9)
+    design = plate.design
+    length, width = design.plate_m
+    passive = max(length / design.length_m, width / design.width_m) > 1.0 + 1e-9
     if len(drivers) < 2 or plate.circuit != "short" or not passive:
         return None
     volts = np.zeros(len(plate.plate.patches), dtype=complex)

@@ -196,7 +196,7 @@ CLASSES = ("SS", "SA", "AS", "AA")
 class SolidModel:
     """Three-dimensional elasticity of a mesh: `clamped` faces, `mirrored` when the mesh is the quarter x, y >= 0.
 
-    lines_m: y where parts of its touch face meet. frame: that face's own; None where it is the mesh's.
+    lines_m, cuts_m: y and x where parts of its touch face meet. frame: that face's own; None where it is the mesh's.
     """
 
     def __init__(
@@ -207,9 +207,10 @@ class SolidModel:
         mirrored: bool,
         lines_m: tuple[float, ...] = (),
         frame: Frame | None = None,
+        cuts_m: tuple[float, ...] = (),
     ) -> None:
         self.mesh, self.materials, self.clamped, self.mirrored = mesh, materials, clamped, mirrored
-        self.lines_m, self.frame = lines_m, frame
+        self.lines_m, self.frame, self.cuts_m = lines_m, frame, cuts_m
         self.name = f"solid {mesh.kind}{mesh.order}"
         self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)
 
@@ -241,7 +242,7 @@ class SolidModel:
     @cached_property
     def _touch_rule(self) -> FaceQuadrature:
         seen = replace(self.mesh, nodes=self.frame.places(self.mesh.nodes)) if self.frame else self.mesh
-        return face_quadrature(seen, "touch", self.lines_m)
+        return face_quadrature(seen, "touch", self.lines_m, self.cuts_m)
 
     def touch(self, symmetry: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face of the meshed part, in the face's frame."""

@@ -102,7 +102,7 @@ class CutFacet:
         return u * piece.first[0] + v * piece.first[1], u * piece.second[0] + v * piece.second[1]
 
     def _rules(self, piece: Piece, depth: int) -> Iterator[tuple[FloatArray, FloatArray]]:
-        lines = self._within(piece)
+        lines = self.within(piece)
         upright = self._upright(piece) if len(lines) and depth < DEEPEST else piece
         if upright is None:
             for quarter in piece.quarters():
@@ -116,7 +116,7 @@ class CutFacet:
         s, t = (part.ravel() for part in np.meshgrid(line, line, indexing="ij"))
         return s, t * piece.top(s)
 
-    def _within(self, piece: Piece) -> FloatArray:
+    def within(self, piece: Piece) -> FloatArray:
         """The lines that may cross the piece."""
         y = self.y(piece, *self._samples(piece))[None]
         flat = np.array([self.is_straight])
@@ -159,7 +159,8 @@ class CutFacet:
         grid = np.repeat(s, len(at)), np.outer(top, at).ravel()
         y = self.y(piece, *grid).reshape(len(s), -1)
         fitted = np.linalg.solve(np.vander(at, increasing=True), y.T)
-        return np.array([top * _root(fitted - np.eye(len(at))[:, :1] * line) for line in lines])
+        heights = [top * _root(fitted - np.eye(len(at))[:, :1] * line) for line in lines]
+        return np.array(heights).reshape(len(lines), len(s))
 
 
 @dataclass(frozen=True)
@@ -219,9 +220,9 @@ def gauss_points() -> tuple[FloatArray, FloatArray]:
 
 
 def parted(
-    points: FloatArray, weights: FloatArray, lines_m: Sequence[float]
+    points: FloatArray, weights: FloatArray, lines_m: Sequence[float], cuts_m: Sequence[float] = ()
 ) -> tuple[FloatArray, FloatArray, sp.csr_array | None]:
-    """Cut the rules of rectangles at lines y = const, so that none reaches over a line.
+    """Cut the rules of rectangles at lines y = const and x = const, so that none reaches over a line.
 
     Parameters
     ----------
@@ -230,7 +231,9 @@ def parted(
     weights : ndarray, shape (p,)
         Their weights, in m^2.
     lines_m : sequence of float
-        y of the lines.
+        y of the lines along x.
+    cuts_m : sequence of float, optional
+        x of the lines along y.
 
     Returns
     -------
@@ -241,16 +244,20 @@ def parted(
     interpolation : sparse array, shape (q, p), or None
         From the points given; None where they are the same.
     """
-    low, high = points[:, 1].min(), points[:, 1].max()
-    margin = high - low  # a rectangle reaches beyond its outermost points, by less than this
-    if not any(low - margin < line < high + margin for line in lines_m):
+    if not any(_may_cross(points[:, axis], at) for axis, at in ((0, cuts_m), (1, lines_m))):
         return points, weights, None
     rows: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     for first in range(0, len(points), COUNT**2):
         own = slice(first, first + COUNT**2)
-        rows.append(_cut_rectangle(points[own], weights[own], lines_m))
+        rows.append(_cut_rectangle(points[own], weights[own], lines_m, cuts_m))
     moved, area, along = zip(*rows, strict=True)
     return np.concatenate(moved), np.concatenate(area), sp.csr_array(sp.block_diag(along))
+
+
+def _may_cross(places: FloatArray, lines_m: Sequence[float]) -> bool:
+    """Whether a line may cross a rectangle, which reaches beyond its outermost points by less than their distance."""
+    low, high = places.min(), places.max()
+    return any(2.0 * low - high < line < 2.0 * high - low for line in lines_m)
 
 
 def _is_straight(corners: FloatArray, reference: FloatArray) -> BoolArray:
@@ -291,7 +298,9 @@ def gauss(count: int, low: float = 0.0, high: float = 1.0) -> tuple[FloatArray, 
     return low + half * (at + 1.0), half * weight
 
 
-def face_quadrature(mesh: AnyMesh, face: str, lines_m: Sequence[float] = ()) -> FaceQuadrature:
+def face_quadrature(
+    mesh: AnyMesh, face: str, lines_m: Sequence[float] = (), cuts_m: Sequence[float] = ()
+) -> FaceQuadrature:
     """Build the quadrature over a named face, exact for squared displacements on flat faces.
 
     No facet's rule reaches over one of the lines, so that sums over the points on one side are integrals.
@@ -303,7 +312,9 @@ def face_quadrature(mesh: AnyMesh, face: str, lines_m: Sequence[float] = ()) -> 
     face : str
         Name of the face.
     lines_m : sequence of float, optional
-        y of the lines.
+        y of the lines along x.
+    cuts_m : sequence of float, optional
+        x of the lines along y.
 
     Returns
     -------
@@ -315,7 +326,8 @@ def face_quadrature(mesh: AnyMesh, face: str, lines_m: Sequence[float] = ()) -> 
     MeshError
         For a face that the mesh does not have.
     """
-    return joined([facet_quadrature(mesh.nodes, facets, mesh.order, lines_m) for facets in mesh.facets_of(face)])
+    each = mesh.facets_of(face)
+    return joined([facet_quadrature(mesh.nodes, facets, mesh.order, lines_m, cuts_m) for facets in each])
 
 
 def joined(parts: list[FaceQuadrature]) -> FaceQuadrature:
@@ -337,7 +349,9 @@ def joined(parts: list[FaceQuadrature]) -> FaceQuadrature:
     return FaceQuadrature(points, weights, sp.csr_array(sp.vstack([part.interpolation for part in parts])))
 
 
-def facet_quadrature(nodes: FloatArray, faces: IntArray, order: int, lines_m: Sequence[float] = ()) -> FaceQuadrature:
+def facet_quadrature(
+    nodes: FloatArray, faces: IntArray, order: int, lines_m: Sequence[float] = (), cuts_m: Sequence[float] = ()
+) -> FaceQuadrature:
     """Build the quadrature over facets of one shape, as `face_quadrature`.
 
     Parameters
@@ -349,19 +363,23 @@ def facet_quadrature(nodes: FloatArray, faces: IntArray, order: int, lines_m: Se
     order : int
         Order of the elements.
     lines_m : sequence of float, optional
-        y of the lines.
+        y of the lines along x.
+    cuts_m : sequence of float, optional
+        x of the lines along y.
 
     Returns
     -------
     FaceQuadrature
         Points in m, weights in m^2 and the interpolation from the nodes.
     """
-    if not len(lines_m):
+    if not len(lines_m) and not len(cuts_m):
         return _uncut(nodes, faces, order)
     solid, own = _solid(faces.shape[1], order)
     straight = _is_straight(nodes[faces], solid.points[own, :2])
-    cut = _may_be_cut(nodes[faces][:, :, 1], straight, lines_m)
-    rules = _cut_rules(nodes, faces[cut], order, np.sort(lines_m), straight[cut]) if cut.any() else []
+    cut = np.zeros(len(faces), dtype=bool)
+    for axis, lines in ((0, cuts_m), (1, lines_m)):
+        cut |= _may_be_cut(nodes[faces][:, :, axis], straight, lines)
+    rules = _cut_rules(nodes, faces[cut], order, (cuts_m, lines_m), straight[cut]) if cut.any() else []
     return joined([_uncut(nodes, faces[~cut], order), *rules])
 
 
@@ -408,22 +426,29 @@ def skin_faces(mesh: AnyMesh) -> IntArray:
 
 
 def _cut_rectangle(
-    points: FloatArray, weights: FloatArray, lines_m: Sequence[float]
+    points: FloatArray, weights: FloatArray, lines_m: Sequence[float], cuts_m: Sequence[float]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Parted rule of one rectangle, unchanged if no line crosses it."""
+    x, y = _cut_line(points[::COUNT, 0], cuts_m), _cut_line(points[:COUNT, 1], lines_m)
+    if len(x[0]) == len(y[0]) == COUNT:
+        return points, weights, np.eye(len(points))
+    moved = np.repeat(points[:1], len(x[0]) * len(y[0]), axis=0)
+    moved[:, 0], moved[:, 1] = np.repeat(x[0], len(y[0])), np.tile(y[0], len(x[0]))
+    share = np.outer(x[1], y[1]).ravel() * (weights.sum() / 4.0)
+    return moved, np.asarray(share), np.asarray(np.kron(x[2], y[2]))
+
+
+def _cut_line(places: FloatArray, lines_m: Sequence[float]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gauss points (q,), weights (q,) of sum 2 and interpolation (q, COUNT) of a rule on one axis, parted at some places."""
     s, w = legendre.leggauss(COUNT)
-    y = points[:COUNT, 1]
-    middle, half = (y[0] + y[-1]) / 2.0, (y[-1] - y[0]) / (s[-1] - s[0])
+    middle, half = (places[0] + places[-1]) / 2.0, (places[-1] - places[0]) / (s[-1] - s[0])
     at = np.sort([(line - middle) / half for line in lines_m])
     inside = at[np.abs(at) < 1.0 - EDGE]
     if not len(inside):
-        return points, weights, np.eye(len(points))
+        return places, w, np.eye(COUNT)
     parts = [((low + high) / 2.0, (high - low) / 2.0) for low, high in pairwise([-1.0, *inside.tolist(), 1.0])]
     t, share = (np.concatenate(part) for part in zip(*((c + h * s, h * w) for c, h in parts), strict=True))
-    moved = np.repeat(points[::COUNT], len(t), axis=0)
-    moved[:, 1] = np.tile(middle + half * t, COUNT)
-    across = weights.reshape(COUNT, COUNT).sum(axis=1) / w.sum()
-    return moved, np.asarray(np.outer(across, share).ravel()), np.asarray(np.kron(np.eye(COUNT), lagrange(s, t)[0]))
+    return np.asarray(middle + half * t), share, np.asarray(lagrange(s, t)[0])
 
 
 def _root(fitted: FloatArray) -> FloatArray:
@@ -484,16 +509,34 @@ def _mapped(
 
 
 def _cut_rules(
-    nodes: FloatArray, faces: IntArray, order: int, lines_m: FloatArray, straight: BoolArray
+    nodes: FloatArray, faces: IntArray, order: int, lines_m: tuple[Sequence[float], ...], straight: BoolArray
 ) -> list[FaceQuadrature]:
-    """A rule of its own for every facet that lines may cut."""
+    """A rule of its own for every facet that lines of x or y = const, `lines_m`, may cut."""
     is_triangle, rules = faces.shape[1] in TRIANGLES, []
     shape = partial(_shape, _solid(faces.shape[1], order))
     whole = TRIANGLE if is_triangle else SQUARE
     for facet, flat in zip(faces, straight.tolist(), strict=True):
-        at, weights = CutFacet(shape, order, nodes[facet, 1], lines_m, flat).rule(whole)
+        along = [CutFacet(shape, order, nodes[facet, axis], np.sort(lines), flat) for axis, lines in enumerate(lines_m)]
+        at, weights = _rule_of(along, whole)
         rules.append(_mapped(nodes, facet[None], *shape(at), weights))
     return rules
+
+
+def _rule_of(along: list[CutFacet], whole: Piece) -> tuple[FloatArray, FloatArray]:
+    """Points (q, 2) and weights (q,) of one facet, cut at lines of either kind: into quarters until one kind alone meets a
+    piece; what both still meet at the deepest level, around a corner, is 4^-DEEPEST of the facet.
+    """
+    pieces, points, weights = [(whole, 0)], [], []
+    while pieces:
+        piece, depth = pieces.pop()
+        met = [each for each in along if len(each.within(piece))]
+        if len(met) > 1 and depth < DEEPEST:
+            pieces += [(quarter, depth + 1) for quarter in piece.quarters()]
+            continue
+        at, own = (met or along)[-1].rule(piece)
+        points.append(at)
+        weights.append(own)
+    return np.concatenate(points), np.concatenate(weights)
 
 
 def _solid(count: int, order: int) -> tuple[Element, IntArray]:

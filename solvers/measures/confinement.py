@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.layout import Design
-from solvers.analytic.beams import free_free_mode
+from solvers.analytic.beams import zone_mode
 from solvers.errors import SolverError
 from solvers.measures.target_mode import Verdict, verdict
 
@@ -70,7 +70,7 @@ class TouchField:
 
     def is_active(self, design: Design) -> BoolArray:
         """Mask of the points on the active face, (q,)."""
-        return np.asarray(np.abs(self.points[:, 1]) < design.width_m / 2.0)
+        return design.in_zone(self.points)
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Overlaps:
     @classmethod
     def of_extension(cls, touch: TouchField, design: Design) -> Overlaps | None:
         """Overlaps with the plate beyond the last row in place of the passive face; None without any."""
-        active, beyond = touch.is_active(design), _is_beyond_rows(touch.points[:, 1], design)
+        active, beyond = touch.is_active(design), design.beyond_rows(touch.points)
         if not touch.weights[beyond].sum() > NEGLIGIBLE * touch.weights[active].sum():
             return None
         return cls.between([(touch.weights[part], touch.values[part]) for part in (active, beyond)])
@@ -250,22 +250,25 @@ def share_error(share: float | None, level_error_db: float | None) -> float | No
 
 
 def target_shape(design: Design, points: FloatArray) -> FloatArray:
-    """Evaluate the analytic (0, N) shape: half a sine across the zone times a free-free beam mode along it.
+    """Evaluate the analytic (0, N) shape: half a sine across the zone times a beam mode along it.
+
+    The beam is free where the zone ends with the plate, and pinned where the plate goes on.
 
     Parameters
     ----------
     design : Design
         The plate with its zone.
     points : ndarray, shape (q, 2) or (q, 3)
-        Points in m from the centre of the zone.
+        Points in m from the centre of the plate.
 
     Returns
     -------
     ndarray, shape (q,)
-        The shape, 1 at the crest across; along it as `free_free_mode`.
+        The shape, 1 at the crest across; along it as `BeamMode.shape`.
     """
-    across = np.sin(np.pi * (points[:, 1] + design.width_m / 2.0) / design.width_m)
-    along = free_free_mode(design.nodal_lines).shape(points[:, 0] / design.length_m + 0.5)
+    x, y = points[:, 0] - design.centre_m[0], points[:, 1] - design.centre_m[1]
+    across = np.sin(np.pi * (y + design.width_m / 2.0) / design.width_m)
+    along = zone_mode(design.nodal_lines, *design.goes_on).shape(x / design.length_m + 0.5)
     return np.asarray(across * along)
 
 
@@ -305,8 +308,8 @@ def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinem
         Zone share, level in dB, MAC and strength of every mode, (k,) each.
     """
     shape = _shape_at(touch, design, symmetry)
-    profile = Profile(np.abs(touch.points[:, 1]), touch.weights, touch.values, shape, touch.modal_mass_kg)
-    return measure_profile(profile, design)
+    profile = Profile(touch.points[:, 1], touch.weights, touch.values, shape, touch.modal_mass_kg)
+    return _measured(profile, design, touch.is_active(design), design.beyond_rows(touch.points))
 
 
 def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
@@ -342,11 +345,6 @@ def _shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatA
     return shape
 
 
-def _is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
-    """Mask of the points on the plate beyond the last row."""
-    return np.asarray(np.abs(y_m) > design.half_span_m - design.extension_m)
-
-
 def measure_profile(profile: Profile, design: Design) -> Confinement:
     """Measure the confinement of a motion that is known over y.
 
@@ -362,10 +360,14 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
     Confinement
         Of every motion, (k,) each; the MAC is 0 where the target shape is zero.
     """
-    y, weights = np.abs(profile.y_m), profile.weights
-    squares = np.abs(profile.values) ** 2
-    active = y < design.width_m / 2.0
-    parts = [weights * part for part in (active, ~active, _is_beyond_rows(y, design))]
+    places = np.column_stack([np.zeros(len(profile.y_m)), profile.y_m])
+    return _measured(profile, design, design.in_zone(places), design.beyond_rows(places))
+
+
+def _measured(profile: Profile, design: Design, active: BoolArray, beyond: BoolArray) -> Confinement:
+    """Measure motions at places whose parts of the touch face are known."""
+    weights, squares = profile.weights, np.abs(profile.values) ** 2
+    parts = [weights * part for part in (active, ~active, beyond)]
     shape, values = profile.shape[active], profile.values[active]
     own = weights[active] @ np.abs(shape) ** 2
     projection = np.abs((weights[active] * shape.conj()) @ values) ** 2 / np.maximum(own, 1e-300)

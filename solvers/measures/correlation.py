@@ -66,7 +66,10 @@ def zone_coefficients(touch: TouchField, design: Design, symmetry: str | None) -
         Coefficients; 0 for polynomials of another symmetry.
     """
     active = touch.is_active(design)
-    points, values = touch.points[active], touch.values[active] * touch.weights[active, None]
+    points, values = (
+        touch.points[active] - np.array(design.centre_m),
+        touch.values[active] * touch.weights[active, None],
+    )
     along = _orthonormal(points[:, 0], design.length_m, design.nodal_lines + ALONG)
     across = _orthonormal(points[:, 1], design.width_m, ACROSS)
     for basis, sign in zip((along, across), symmetry or (), strict=False):
@@ -210,16 +213,20 @@ def weigh(points_m: FloatArray, design: Design) -> Weights:
     SolverError
         If no point lies on the active face.
     """
-    half_x, border, half_y = design.length_m / 2.0, design.width_m / 2.0, design.half_span_m
-    active: list[Rectangle] = [((-half_x, -border), (half_x, border))]
-    passive: list[Rectangle] = []
-    if half_y - border > NEGLIGIBLE * border:
-        passive = [((-half_x, border), (half_x, half_y)), ((-half_x, -half_y), (half_x, -border))]
+    half_x, half_y = design.half_length_m, design.half_span_m
+    (left, right), border = design.zone_ends_m, design.width_m / 2.0
+    low, high = design.centre_m[1] - border, design.centre_m[1] + border
+    active: list[Rectangle] = [((left, low), (right, high))]
+    around: list[Rectangle] = [((-half_x, high), (half_x, half_y)), ((-half_x, -half_y), (half_x, low))]
+    around += [((-half_x, low), (left, high)), ((right, low), (half_x, high))]
+    passive = [box for box in around if min(np.subtract(box[1], box[0])) > NEGLIGIBLE * border]
     whole_m = np.array([2.0 * half_x, 2.0 * half_y])
     spacing = np.array([_spacing(points_m, axis, float(whole_m[axis])) for axis in (0, 1)])
     parts = [[_part(points_m, box, spacing) for box in boxes] for boxes in (active, passive)]
     if not len(parts[0][0][0]):
-        raise SolverError(f"no point of the map lies on the active touch face, |y| <= {1e3 * border:g} mm")
+        raise SolverError(
+            f"no point of the map lies on the active touch face, y from {1e3 * low:g} to {1e3 * high:g} mm"
+        )
     index, places, area_m2 = (np.concatenate(each) for each in zip(*parts[0], *parts[1], strict=True))
     aside = _covered(parts[1], passive) if passive else None
     return Weights(index, places, area_m2, _covered(parts[0], active), aside)
@@ -330,7 +337,7 @@ def confinement_of(weights: Weights, values: ComplexArray, design: Design) -> Fi
         np.concatenate([field.real, field.imag])[:, None],
     )
     confinement = measure(both, design, None)
-    on = np.abs(weights.points[:, 1]) < design.width_m / 2.0
+    on = design.in_zone(weights.points)
     shape = target_shape(design, weights.points[on])
     return FieldMeasures(
         _finite(confinement.zone_share[0]),

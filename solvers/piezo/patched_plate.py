@@ -592,7 +592,7 @@ def _pressure(plate: AssembledPlate, design: Design) -> FloatArray:
     for placed_cell in plate.placed_cells:
         rule = plate.touch_rule(placed_cell)
         points = rule.points[:, :2] + np.array(placed_cell.middle)
-        active = np.abs(points[:, 1]) < design.width_m / 2.0
+        active = design.in_zone(points)
         force = placed_cell.copies * np.where(active, rule.weights * target_shape(design, points), 0.0)
         size += float(np.abs(force).sum())
         live = placed_cell.coefficient != 0.0

@@ -136,14 +136,14 @@ class Expansion:
         """A skin without facets, for the given number of degrees of freedom."""
         return cls(np.empty((0, 3)), np.empty((0, 3, count)), facets=np.empty((0, 4), dtype=np.int64))
 
-    def rule(self, lines_m: Sequence[float] = ()) -> SurfaceRule:
-        """Quadrature over the surface, parted at the lines y = const."""
+    def rule(self, lines_m: Sequence[float] = (), cuts_m: Sequence[float] = ()) -> SurfaceRule:
+        """Quadrature over the surface, parted at the lines y = const and x = const."""
         normal = self.matrix[:, -1]
         if self.weights is not None:
-            points, weights, interpolation = surface.parted(self.points, self.weights, lines_m)
+            points, weights, interpolation = surface.parted(self.points, self.weights, lines_m, cuts_m)
             return SurfaceRule(points, weights, normal, interpolation)
         assert self.facets is not None and self.order is not None
-        rule = facet_quadrature(self.points, self.facets, self.order, lines_m)
+        rule = facet_quadrature(self.points, self.facets, self.order, lines_m, cuts_m)
         return SurfaceRule(rule.points, rule.weights, normal, rule.interpolation)
 
     def kept(self, keep: IntArray) -> Expansion:

@@ -114,7 +114,7 @@ class AssembledPlate:
 
     def touch_rule(self, placed_cell: PlacedCell) -> SurfaceRule:
         """Quadrature over a cell's touch face, parted where parts of the plate's touch face meet."""
-        return self.grid.touch_rule(placed_cell.cell, placed_cell.middle[1])
+        return self.grid.touch_rule(placed_cell.cell, placed_cell.middle)
 
     def touch(self, vectors: FloatArray) -> TouchField:
         """u_z over the touch faces of the cells of the class, weighted as the whole plate."""
@@ -229,13 +229,17 @@ class Grid:
         self.count = int(self.mode_start[-1])
         self._touch_rules: dict[tuple[float, ...], SurfaceRule] = {}
 
-    def touch_rule(self, cell: Cell, middle_m: float) -> SurfaceRule:
-        """Quadrature over the touch face of a cell with its middle at y = middle_m, one for all that the same lines cross."""
-        half = cell.size_m[1] / 2.0
-        lines = [line - middle_m for line in self.tiling.lines_m if abs(line - middle_m) < half]
-        key = (id(cell), *(round(line, DIGITS) for line in lines))
+    def touch_rule(self, cell: Cell, middle_m: tuple[float, float]) -> SurfaceRule:
+        """Quadrature over the touch face of a cell about a middle (x, y), one for all that the same lines cross."""
+        cuts, lines = (
+            [line - middle for line in lines if abs(line - middle) < size / 2.0]
+            for lines, middle, size in zip(
+                (self.tiling.cuts_m, self.tiling.lines_m), middle_m, cell.size_m, strict=False
+            )
+        )
+        key = (id(cell), *(round(line, DIGITS) for line in lines), np.inf, *(round(cut, DIGITS) for cut in cuts))
         if key not in self._touch_rules:
-            self._touch_rules[key] = cell.touch.rule(lines)
+            self._touch_rules[key] = cell.touch.rule(lines, cuts)
         return self._touch_rules[key]
 
     def cell(self, i: int, j: int) -> Cell:

@@ -407,7 +407,7 @@ def lattice(design: Design, touched: TouchedPlate, high_hz: float | None = None)
     wavenumber = touched.finger.wavenumber_per_m(design, high_hz or touched.band_hz[1])
     steps, weights, share = touched_plate.lattice_rule(touched_plate.steps_of(radius * wavenumber))
     spacing, reach = share * radius, int(steps.max())
-    ends = (design.length_m / 2.0 - radius, design.bare_touch_m - radius)
+    ends = (design.half_length_m - radius, design.bare_touch_m - radius)
     counts = [int(max(end, 0.0) / spacing) + reach for end in ends]
     along, across = (np.arange(-count, count + 1) for count in counts)
     return Lattice(spacing, along, across, steps, weights)

@@ -12,7 +12,7 @@ from pipeline.models.modes import solve_modes
 from pipeline.planning.model_choice import Request
 
 
-def check_within_both_bars(raw: dict[str, Any], band_hz: tuple[float, float], symmetry: str = "SS") -> None:
+def check_within_both_bars(raw: dict[str, Any], band_hz: tuple[float, float], symmetry: str | None = "SS") -> None:
     """Check that both models have equally many modes in a band, each within the sum of both errors, which are below 3 %."""
     query = Request("plate", band_hz=band_hz, symmetry=symmetry, search=False)
     ours, theirs = (
