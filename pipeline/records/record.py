@@ -244,12 +244,12 @@ class Record(Checked):
         if not isinstance(given, Mapping):
             return given
         if "measured" in given:  # of a record that stored it next to the response
-            whole = {**given["response"], "measured": given["measured"]}
+            whole = {**_table("response", given.get("response")), "measured": given["measured"]}
             given = {key: value for key, value in given.items() if key != "measured"} | {"response": whole}
         known = {key: value for key, value in given.items() if key not in cls.model_fields and key != "schema"}
         answers = {key: answer_of(key, value) for key, value in known.items() if kind_of(key)}
         rest = {key: value for key, value in given.items() if key not in answers}
-        return rest | ({"answers": {**given.get("answers", {}), **answers}} if answers else {})
+        return rest | ({"answers": {**_table("answers", given.get("answers", {})), **answers}} if answers else {})
 
     @classmethod
     def of_case(cls, result: Mapping[str, Any], **head: Any) -> Record:
@@ -369,6 +369,12 @@ def kind_of(name: str) -> type[part.Part] | None:
     return kind
 
 
+def _table(name: str, given: Any) -> Mapping[str, Any]:
+    if not isinstance(given, Mapping):
+        raise PartFault(f"{name}: must be a table")
+    return given
+
+
 def answer_of(name: str, given: Any) -> part.Part:
     """An answer as computed, or read back from `to_dict`."""
     kind = kind_of(name)
@@ -376,7 +382,7 @@ def answer_of(name: str, given: Any) -> part.Part:
     if isinstance(given, part.Part):
         return given
     try:
-        return kind.from_dict({key: value for key, value in given.items() if key != "schema"})
+        return kind.from_dict({key: value for key, value in _table(name, given).items() if key != "schema"})
     except ValidationError as error:
         raise PartFault(f"{name}.{first_fault(error)}") from error
 
