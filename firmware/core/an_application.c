@@ -133,19 +133,24 @@ void an_application_poll(an_application *app, const an_build *build)
     serve_retry(app, build, order);
 }
 
+/* Values are bound to build, slot and protocol: another program may have measured them otherwise. */
+static uint32_t keep_name(const an_application *app, const an_build *build)
+{
+    return build->number | app->slot << 8 | (uint32_t)AN_PROTOCOL << 16;
+}
+
 static void keep(const an_application *app, const an_build *build, uint8_t *memory, an_keeping *keeping)
 {
     uint8_t values[AN_KEEP_VALUES_MAX];
     const uint32_t length = (uint32_t)(build->put_values(app, values) - values);
-    an_keep_write(memory, build->number | app->slot << 8, build->table(app), values, length);
+    an_keep_write(memory, keep_name(app, build), build->table(app), values, length);
     keeping->state = AN_KEEP_WRITTEN;
 }
 
 static void take_kept(an_application *app, const an_build *build, const uint8_t *memory, an_keeping *keeping)
 {
     uint8_t values[AN_KEEP_VALUES_MAX];
-    const uint32_t name = build->number | app->slot << 8;
-    const uint32_t length = an_keep_read(memory, name, build->table(app), values, &keeping->state);
+    const uint32_t length = an_keep_read(memory, keep_name(app, build), build->table(app), values, &keeping->state);
     if (keeping->state == AN_KEEP_READ && !build->take_values(app, values, length)) {
         keeping->state = AN_KEEP_REFUSED;
     }

@@ -445,6 +445,22 @@ def test_a_lost_sensor_read_is_an_error_not_a_traceback() -> None:
         actions.keep_running(Client(FakePort(lambda reply: b"")), "start")
 
 
+def test_a_fault_that_the_board_retries_is_not_the_end(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    """The client keeps in contact, until a fault stays."""
+    monkeypatch.setattr(actions, "time", Clock())
+    states = [single_status(RUN), *[single_status(FAULT, Fault.MISMATCH, flags=1 | 16)] * 3, single_status(RUN)]
+    states.append(single_status(FAULT, Fault.MISMATCH))
+
+    class Retrying(FakePort):
+        def reply(self, request: Message) -> Message:
+            self.status = states.pop(0)
+            return super().reply(request)
+
+    with pytest.raises(BoardError, match="start: ended with fault mismatch"):
+        actions.keep_running(Client(Retrying()), "start")
+    assert not states and capsys.readouterr().out.count("fault  ") == 4
+
+
 def test_a_board_that_takes_no_samples_ends_the_stream(monkeypatch: pytest.MonkeyPatch) -> None:
     class Full:
         def samples(self, factors: list[float]) -> int:

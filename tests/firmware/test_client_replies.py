@@ -11,7 +11,7 @@ import pytest
 from firmware.client import client, command_line
 from firmware.client.client import BoardError, Client, describe
 from firmware.mode_table import Mode, ModeTable, to_bytes
-from firmware.protocol import LOG_RECORDS, REPLY, Fault, Kind, Message, encode
+from firmware.protocol import FAULT, LOG_RECORDS, REPLY, Fault, Kind, Message, encode
 from tests.helpers.fake_board import (
     RECORD,
     SIX_STATUS,
@@ -165,6 +165,16 @@ def test_an_unknown_state_is_refused_and_an_unknown_fault_told_by_number() -> No
 def test_a_drive_at_its_limit_is_told() -> None:
     assert "drive at its limit" in describe(Client(FakePort(status=single_status(flags=9))).status())
     assert "drive at its limit" not in describe(Client(FakePort()).status())
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [(1 | 16, "faults: mismatch, tries again"), (1 | 32, "drive limited to half"), (1, "misfit 0.2 %")],
+)
+def test_a_status_says_what_the_board_does_by_itself(flags: int, words: str) -> None:
+    text = describe(Client(FakePort(status=single_status(FAULT, Fault.MISMATCH, flags=flags))).status())
+    assert words in text and "measured at up to 0.3 of full scale" in text
+    assert ("tries again" in text, "limited to half" in text) == (bool(flags & 16), bool(flags & 32))
 
 
 def test_samples_without_their_count_are_refused() -> None:
