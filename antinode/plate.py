@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterable
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from pipeline.case import schema
 from pipeline.case.limits import warn_of_doubts
@@ -37,6 +37,8 @@ from pipeline.questions.touch import Touch
 from pipeline.questions.travel import PlayedTravel, Travel
 from pipeline.records.part import Frozen
 from pipeline.search.terms import End, Range
+
+OneTable = TypeVar("OneTable", bound=schema.Table)
 
 
 class Plate(Frozen):
@@ -116,6 +118,44 @@ class Plate(Frozen):
     def name(self) -> str:
         """The name of the case."""
         return self._case.name
+
+    @property
+    def zone(self) -> schema.ZoneTable:
+        """Keys of the table [zone] with their defaults, as attributes in the units of the file.
+
+        >>> import antinode
+        >>> antinode.load("examples/small.toml").zone.width_mm
+        20.0
+        """
+        return self._table("zone", schema.ZoneTable)
+
+    @property
+    def pillar(self) -> Any:
+        """Keys of the table [pillar] with their defaults, as attributes in the units of the file.
+
+        >>> import antinode
+        >>> antinode.load("examples/small.toml").pillar.height_mm
+        6.3
+        """
+        return self._table("pillar", TABLES["pillar"])
+
+    @property
+    def array(self) -> schema.ArrayTable:
+        """Keys of the table [array] with their defaults, as attributes in the units of the file.
+
+        >>> import antinode
+        >>> antinode.load("examples/small.toml").with_(rows=2).array.rows
+        2
+        """
+        return self._table("array", schema.ArrayTable)
+
+    def _table(self, name: str, model: type[OneTable]) -> OneTable:
+        """Return a table of the case. Raises InputError if the case lacks it or has several of it."""
+        given = self._raw.get(name)
+        if not isinstance(given, dict):
+            missing = "missing" if given is None else "one of several: to_dict() has them"
+            raise InputError(f"{self.name}: [{name}]: {missing}")
+        return model.model_construct(**given)
 
     def with_(self, **changes: Any) -> Plate:
         """Return a copy of the plate with changed keys.
@@ -251,6 +291,50 @@ class Plate(Frozen):
         from pipeline.explore.server import Server, serve
 
         serve(Server(explorer), port, lambda address: explore.opened(address, browser))
+
+    def export(
+        self,
+        form: Literal["stl", "step", "3mf", "vtu", "paraview", "xdmf", "phonopy", "uff", "impedance", "table"],
+        path: str | Path | None = None,
+        *,
+        progress: bool | None = None,
+    ) -> list[Path]:
+        """Write files for CAD, printing and other programs, as `antinode export` does.
+
+        Parameters
+        ----------
+        form : str
+            Format: stl, step and 3mf are the plate in mm; vtu the target mode, paraview and xdmf every mode; phonopy the
+            bands; uff the frequency responses; impedance that of the patches; table the mode table of the board.
+        path : str or Path, optional
+            File to write; by default named after the case, in the current folder.
+        progress : bool, optional
+            Whether to log progress on standard error; by default in a terminal.
+
+        Returns
+        -------
+        list of Path
+            The files written.
+
+        Raises
+        ------
+        InputError
+            If the case lacks a table that the format needs, or the file cannot be written.
+
+        Examples
+        --------
+        >>> import antinode, tempfile
+        >>> plate = antinode.load("examples/small.toml", rows=0)
+        >>> [file.name for file in plate.export("step", f"{tempfile.mkdtemp()}/plate.step")]  # doctest: +SLOW
+        ['plate.step']
+        """
+        from pipeline.exchange import exports
+
+        if form == "phonopy":
+            self._case.require("pillar", command="export phonopy")
+        else:
+            self._case.require_plate(command=f"export {form}", several=form in ("stl", "step", "3mf"))
+        return exports.write(self._case, form, None if path is None else str(path), self._log(progress))
 
     def _log(self, progress: bool | None) -> TerminalLog:
         """Return the log of a computation, after warning of implausible values of the case."""

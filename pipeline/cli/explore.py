@@ -47,7 +47,9 @@ def explorer_of(case: Case, raw: dict[str, Any], overrides: tuple[str, ...], log
     from pipeline.explore.answer import Explorer, Scene
     from pipeline.models.parametric import cell_model
 
-    return Explorer(Scene(case, raw, overrides), cell_model(case, log))
+    scene = Scene(case, raw, overrides)
+    scene.check()
+    return Explorer(scene, cell_model(case, log))
 
 
 def export(explorer: Explorer, path: Path, log: Log) -> None:

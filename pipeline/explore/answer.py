@@ -161,7 +161,24 @@ class Scene:
         """
         limits = {name: asdict(limit) for name, limit in self.limits.items()}
         corners = {label: (k / np.pi).tolist() for label, k in lattice_of(self.case.design).high_symmetry.items()}
-        return {"name": self.case.name, "limits": limits, "design": self.own(), "batch": BATCH, "corners": corners}
+        design = self.case.design
+        plate = {"length_mm": round(1e3 * design.length_m, 9), "zone_mm": round(1e3 * design.width_m, 9)}
+        plate |= {"ratio": design.pitch_y_m / design.pitch_x_m, "stagger": design.stagger}
+        return {
+            **{"name": self.case.name, "limits": limits, "design": self.own(), "batch": BATCH, "corners": corners},
+            "plate": plate,
+        }
+
+    def check(self) -> None:
+        """Raise InputError, with one line per fault, for a case outside the sliders' limits."""
+        own = self.own().items()
+        lines = [
+            f"{self.case.name}: explore: {limit.key} = {value:g}: must be from {limit.low:g} to {limit.high:g} {limit.unit}"
+            for (name, value), limit in ((pair, self.limits[pair[0]]) for pair in own)
+            if not limit.low <= value <= limit.high
+        ]
+        if lines:
+            raise InputError(line.rstrip() for line in lines)
 
     def own(self) -> dict[str, float]:
         """The design of the file itself."""

@@ -50,7 +50,7 @@ def _sweep(figure: Any, record: MeasuredSweepRecord, arrays: Mapping[str, Any]) 
     curve.set(xlim=window, xlabel="frequency (kHz)", ylabel="amplitude relative to its peak", title=title)
     curve.set_ylim(bottom=5e-3)
     curve.grid(True)
-    curve.legend(fontsize=8)
+    curve.legend(fontsize=9)
     _circle(circle, record, arrays)
 
 

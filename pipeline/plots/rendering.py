@@ -295,7 +295,7 @@ def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFi
     figure, axes = style.panels(style.WIDTH_IN * image.shape[0] / image.shape[1] + 0.75)
     _show(axes, image)
     axes.set_title("The plate, seen from the pillars' side (the touch face is below)")
-    figure.supxlabel(fill(_dimensions(design, case.record.held("geometry")), CAPTION), fontsize=8.5)
+    figure.supxlabel(fill(_dimensions(design, case.record.held("geometry")), CAPTION), fontsize=9)
     alt = f"The plate of {case.case_id} in perspective, pillars up: {_dimensions(design, None)}.{_note(fault)}"
     return ReportFigure("geometry", "Geometry", alt, figure)
 

@@ -123,7 +123,7 @@ def mm_axes(axes: Axes, x: str = "x", y: str = "y") -> None:
     axes.set(aspect="equal", xlabel=f"{x} (mm)", ylabel=f"{y} (mm)")
 
 
-def legend_below(figure: Figure, handles: Any, labels: Any, columns: int = 3, size: float = 7.0) -> None:
+def legend_below(figure: Figure, handles: Any, labels: Any, columns: int = 3, size: float = 9.0) -> None:
     """Draw one legend for all panels, below them."""
     figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, len(labels)), fontsize=size)
 

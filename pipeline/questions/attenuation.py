@@ -183,7 +183,7 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
             if predicted_hz:
                 axes.axvline(predicted_hz / KHZ, color=style.GREY, ls=":")
         handles = decay.get_legend_handles_labels()
-        drawn.legend(*handles, loc="outside upper center", ncols=4, fontsize=7, markerscale=2.5)
+        drawn.legend(*handles, loc="outside upper center", ncols=4, fontsize=9, markerscale=2.5)
         title = "Attenuation per row and transmitted power"
         return style.ReportFigure("attenuation", title, self._alt(), drawn, vector=True)
 
@@ -215,7 +215,7 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
         ax.plot(khz, turned, color=style.ORANGE, ls="--", label="converted into in-plane waves")
         ax.set_yscale("symlog", linthresh=1e-4)
         ax.set_ylim(0.0, 1.5)
-        ax.legend(loc="lower right", fontsize=7)
+        ax.legend(loc="lower right", fontsize=9)
 
     def _alt(self) -> str:
         deepest = max(self.points, key=lambda point: point.db_per_row or 0.0)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pipeline.planning.plan import Step
 
 NAMES = {"G": "Γ"}
-LABEL = {"ha": "center", "va": "center", "fontsize": 8, "clip_on": True}
+LABEL = {"ha": "center", "va": "center", "fontsize": 9, "clip_on": True}
 WHITE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
 LEGEND_COLUMNS = 3
 PILLAR = "pillar"
@@ -332,7 +332,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         """Draw the bands over the path, waves marked by polarisation where known, complete gaps shaded."""
         self.draw_bands(ax)
         if len(ax.get_legend_handles_labels()[1]) > 1:
-            ax.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=LEGEND_COLUMNS)
+            ax.legend(fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=LEGEND_COLUMNS)
 
     def draw_bands(self, ax: Axes, label: str = "bands") -> None:
         """Draw the bands without a legend.

@@ -135,7 +135,7 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         ax.axhline(confinement.CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
         ax.set(xlabel="frequency (kHz)", ylabel="level (dB)", ylim=(-15.0, 60.0))
         ax.grid(True)
-        ax.legend(fontsize=7)
+        ax.legend(fontsize=9)
 
     def pictures(self) -> list[ReportFigure]:
         """Return the picture of attenuation and confinement over frequency."""

@@ -82,7 +82,7 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
         style.draw_lines(over.semilogy, np.array(self.frequency_hz) / KHZ, curves)
         style.mark(over, self.first.peak_hz / KHZ)
         over.set(xlabel="frequency (kHz)", ylabel="rms u_z (nm/V)", title="Zone 1 driven")
-        over.legend(fontsize=8)
+        over.legend(fontsize=9)
         worst = "one zone" if self.worst_db is None else f"at most {level(self.worst_db)} in another zone"
         alt = f"Cross-talk between {len(self.zones)} zones, {self.shared_rows} rows between neighbours: {worst}"
         return [style.ReportFigure("crosstalk", "Cross-talk between zones", alt, drawn, vector=True)]

@@ -179,7 +179,7 @@ class HybridResult(Result, axes=("frequency_hz",)):
         self._draw_methods(ax, levels, "confinement (dB)", "Nominal plate; dotted: peak of the target mode")
         ax.axhline(confinement.CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
         ax.set_xlabel("frequency (kHz)")
-        ax.legend(fontsize=8, ncols=4)
+        ax.legend(fontsize=9, ncols=4)
 
     def pictures(self) -> list[ReportFigure]:
         """Return the pictures of the four methods over frequency, nominal and detuned, and of the voltages."""

@@ -210,9 +210,9 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 
     target_peak_hz = figure_at("target_peak.frequency_hz", "target mode's peak, driven", "Hz")
     target_peak_nm_per_v = figure_at(
-        "target_peak.zone_nm_per_V", "zone at that peak", "nm/V", error="target_peak.zone_error_nm_per_V"
+        "target_peak.zone_nm_per_V", "zone at the driven peak", "nm/V", error="target_peak.zone_error_nm_per_V"
     )
-    target_peak_db = figure_at("target_peak.confinement_db", "confinement at that peak", "dB")
+    target_peak_db = figure_at("target_peak.confinement_db", "driven confinement", "dB")
     highest_peak_hz = figure_at("highest_peak.frequency_hz", "highest peak of the response", "Hz")
     highest_peak_nm_per_v = figure_at(
         "highest_peak.zone_nm_per_V", "zone at the highest peak", "nm/V", error="highest_peak.zone_error_nm_per_V"
@@ -264,7 +264,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         title = f"Target mode's peak at {target.tone} (dotted),\n{title}" if target else title.capitalize()
         ax.set(ylabel="rms u_z (nm/V)", xlabel="frequency (kHz)", title=title)
         ax.grid(True)
-        ax.legend(fontsize=8)
+        ax.legend(fontsize=9)
 
     def _draw_curve(self, ax: Axes, name: str, **look: Any) -> None:
         """Draw a curve with the band of its error bars, no lower than the fraction BAND of the curve."""
@@ -301,7 +301,8 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         ax.set(ylabel="sensor (V/V)", xlabel="frequency (kHz)", title=title)
         ax.grid(True)
         phase = ax.twinx()
-        phase.plot(tone, np.degrees(np.unwrap(np.angle(volts))), color=style.ORANGE, ls="--")
+        phase.plot(tone, _turns(np.degrees(np.angle(volts))), color=style.ORANGE, ls="--")
+        phase.set(ylim=(-190.0, 190.0), yticks=(-180, -90, 0, 90, 180))
         phase.set_ylabel("phase (°)", color=style.ORANGE)
         phase.spines["right"].set_visible(True)
 
@@ -351,6 +352,13 @@ def _peak(peak: Peak, forced: ForcedPlate, drive_v: float, same: PeakRecord | No
         quality_error=same.quality_error if same else quality_error(forced, peak),
         confinement_error_db=same.confinement_error_db if same else level_error_db(forced, peak),
     )
+
+
+def _turns(degrees: FloatArray) -> FloatArray:
+    """Return a phase in degrees with a gap wherever it wraps from -180 to 180."""
+    broken = degrees.copy()
+    broken[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
+    return broken
 
 
 class Response(

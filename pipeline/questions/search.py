@@ -239,7 +239,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         axes.plot(*best, "*", color=style.VERMILION, ms=13, label="best")
         axes.set(xlabel=key.title, ylabel=self._title, title="Landscape")
         axes.grid(True)
-        axes.legend(fontsize=7)
+        axes.legend(fontsize=9)
 
     def _map(self, axes: Any, keys: list[Varied]) -> None:
         """Draw the goal over two keys: strips as background, computed designs as points, on one colour scale."""
@@ -257,7 +257,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         best = [self._number(self.best, key) for key in keys]
         axes.plot(*best, "*", color=style.VERMILION, mec="white", ms=15, ls="none", label="best")
         axes.set(xlabel=keys[0].title, ylabel=keys[1].title, title="Landscape (background: strips)")
-        axes.legend(fontsize=7, loc="upper right", framealpha=0.8, frameon=True)
+        axes.legend(fontsize=9, loc="upper right", framealpha=0.8, frameon=True)
         axes.figure.colorbar(image, ax=axes, label=self._title)
 
     def _tradeoff(self, axes: Any) -> None:
@@ -284,7 +284,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
                 axes.axvline(limit_hz / KHZ, color=style.GREY, lw=0.8, ls=":")
         axes.set(xlabel="frequency of the target mode (kHz)", ylabel=self._title, title="Trade-off")
         axes.grid(True)
-        axes.legend(fontsize=7)
+        axes.legend(fontsize=9)
 
     def _alt(self) -> str:
         base, best = (getattr(design, self._value) for design in (self.base, self.best))

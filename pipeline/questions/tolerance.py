@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 MOVED = 0.1  # relative to the spread of peaks or levels: beyond it, the reduced space is too small
 ALIKE_DB = 0.01  # smaller differences of levels are ignored, however small the spread
 PER = {"m/V": "_m_per_V", "m/N": "_m_per_N"}  # endings of column names, by unit
-FRAME: dict[str, Any] = {"fontsize": 8, "frameon": True, "framealpha": 0.9, "edgecolor": "none"}
+FRAME: dict[str, Any] = {"fontsize": 9, "frameon": True, "framealpha": 0.9, "edgecolor": "none"}
 ALONE = "nothing: the free target mode of one column of cells, with one deviation of all pillars"
 SAMPLES = "number of plates (default: the case's, 20)"
 

@@ -176,7 +176,7 @@ class TravelResult(Result, axes=("x_m",)):
         style.draw_lines(flow.plot, np.array(self.flow_x_m) / MM, curves, marker="o", ms=3)
         flow.axhline(0.0, color=style.GREY, lw=0.8)
         flow.set(ylabel="power towards +x (mW)", xlabel="x (mm)", title="Sections without a patch across them")
-        flow.legend(fontsize=8)
+        flow.legend(fontsize=9)
         title = "Travelling wave inside the zone"
         shown = [style.ReportFigure("travelling", title, self._alt(), drawn, vector=True)]
         return [

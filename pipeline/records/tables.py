@@ -37,10 +37,16 @@ def swept(cases: list[StoredCase]) -> list[StoredCase]:
 
 def main_key(study: StoredStudy, cases: list[StoredCase]) -> str | None:
     """Return the numeric key with the most values over these cases; None if none has two."""
+    keys = numeric_keys(study, cases)
+    return keys[0] if keys else None
+
+
+def numeric_keys(study: StoredStudy, cases: list[StoredCase]) -> list[str]:
+    """Return the numeric keys with at least two values over these cases, the most varied first."""
     cases = swept(cases)
     numeric = [key for key in study.swept if all(_is_number(case.sweep.get(key)) for case in cases)]
     varied = {key: len({case.sweep[key] for case in cases}) for key in numeric}
-    return max(varied, key=lambda name: varied[name]) if varied and max(varied.values()) > 1 else None
+    return sorted((key for key in numeric if varied[key] > 1), key=lambda key: -varied[key])
 
 
 def lines_along(study: StoredStudy, cases: list[StoredCase], key: str) -> dict[str, list[StoredCase]]:
@@ -105,7 +111,17 @@ def _line(line: Line) -> dict[str, Tracked]:
 
 TABLE = "table.csv"
 # main columns, next to the swept keys
-MAIN = ("case", "status", "target_hz", "confinement_db", "confined", "target_peak_db", "db_per_row", "tracking")
+MAIN = (
+    "case",
+    "status",
+    "target_hz",
+    "confinement_db",
+    "confined",
+    "target_peak_db",
+    "target_peak_nm_per_v",
+    "db_per_row",
+    "tracking",
+)
 KILOHERTZ = quantity.Unit("kHz", KHZ)
 FILE_DIGITS = 10  # significant digits: far finer than any error bar, and reproducible between runs
 TRACKED = (  # columns along a sweep: name, heading, field of a tracked mode, unit

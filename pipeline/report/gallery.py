@@ -27,6 +27,7 @@ from pipeline.records.record import DesignRecord
 from pipeline.records.store import canonical_json, file_hash
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import Tracked, axis_label, lines_along, main_key, swept
+from pipeline.report.heat_map import grid_of, over_grid
 from solvers.measures.confinement import CONFINED_DB
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MAX_TICKS = 12
+MAX_CURVES = 7  # with a colour each
 MAX_PANELS = 3  # next to each other
 
 ROWS_LOOKS: dict[str, dict[str, Any]] = {
@@ -53,6 +55,7 @@ INDEX = "index.json"
 OF_THE_BEST = ("report_figures",)  # drawn for the best case of a sweep, unless all are requested
 OF_A_CELL = ("dispersion",)  # identical for all cases of one cell
 MARGIN = 14.0  # mm of margin on each side, for dimensions
+LETTERS = 0.033  # of a sketch's width: 11 pixels on a phone
 WIDE = 150.0  # mm of plate drawn 1:1; other plates are scaled so that text stays readable
 PLATE = 'fill="#f3f6f8" stroke="#55606b" stroke-width=".4"'  # without a style sheet
 ZONE, PILLARS = 'fill="#009e73" fill-opacity=".22"', 'fill="#0072b2"'
@@ -73,8 +76,10 @@ def against_sweep(study: StoredStudy) -> ReportFigure | None:
     key = main_key(study, cases) if cases else None
     if key is None:
         return None
-    figure, (level, tone) = style.panels(5.2, 2, 1, sharex=True)
     lines, tracked = lines_along(study, cases, key), tables.along_sweep(study)
+    if len(lines) > MAX_CURVES and grid_of(study):  # the heat map shows them
+        return None
+    figure, (level, tone) = style.panels(5.2, 2, 1, sharex=True)
     for index, (name, line) in enumerate(lines.items()):
         look = {"color": style.CYCLE[index % len(style.CYCLE)], "marker": style.MARKERS[index % len(style.MARKERS)]}
         solved = [case for case in line if case.record.target]
@@ -85,7 +90,7 @@ def against_sweep(study: StoredStudy) -> ReportFigure | None:
     _bending_at_m(tone, list(lines.values()), key)
     handles, labels = tone.get_legend_handles_labels()
     if len(labels) > 1 or any(map(_live, cases)):
-        style.legend_below(figure, handles, labels, 4, 8)
+        style.legend_below(figure, handles, labels, 4, 9)
     title = f"Confinement and frequency against {axis_label(key)}"
     return ReportFigure("against_sweep", title, _sweep_alt(study, cases, key), figure, vector=True)
 
@@ -167,7 +172,7 @@ def board_step(record: Any, arrays: dict[str, Any]) -> ReportFigure:
     reached = "95 % not reached" if record.t95_s is None else f"95 % after {figure_text(record.t95_s / MS)} ms"
     mode = f"at {frequency(record.frequency_hz)}"
     upper.set(ylabel="sensor (full scale)", title=f"{reached}, {mode}")
-    upper.legend(fontsize=8, loc="center right")
+    upper.legend(fontsize=9, loc="center right")
     lower.step(time, arrays["board_drive"], where="post", color=style.ORANGE)
     lower.set(ylabel="drive (full scale)", xlabel="time after the step (ms)")
     for axes in (upper, lower):
@@ -213,7 +218,7 @@ def draw_study(study: StoredStudy) -> FigureSet:
     return _draw(
         study.folder / PICTURES,
         key,
-        [partial(against_sweep, study), partial(how_many_rows, study)],
+        [partial(over_grid, study), partial(against_sweep, study), partial(how_many_rows, study)],
     )
 
 
@@ -225,13 +230,13 @@ def sketch(design: DesignRecord) -> Markup:
     scale = min(1.0, WIDE / length)
     x0, y0, zone, long = -length / 2.0, -breadth / 2.0, design.width_m / MM, design.length_m / MM
     x, y = design.centre_m[0] / MM, -design.centre_m[1] / MM
-    letters = 3.6 / scale
+    side = MARGIN / scale
+    letters = LETTERS * (length + 2.0 * side)
     pillars = " ".join(
         f"M{x / MM - half:.2f} {-y / MM - half:.2f}h{2 * half:.2f}v{2 * half:.2f}h{-2 * half:.2f}z"
         for (x, y), pillar in zip(design.pillar_centres_m, design.standing, strict=True)
         for half in [pillar.base_m / MM / 2.0]
     )
-    side = MARGIN / scale
     box = f"{x0 - side:.2f} {y0 - 0.4 * side:.2f} {length + 2 * side:.2f} {breadth + 1.2 * side:.2f}"
     words = f"{length:g} × {breadth:g} × {design.thickness_m / MM:g} mm"
     return Markup(
@@ -365,7 +370,7 @@ def _panel_a_line(lines: dict[str, list[tuple[int, tuple[Any, ...]]]]) -> Any:
     for axes in panels[:, 0]:
         axes.set_ylabel("zone to margin (dB)")
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    style.legend_below(figure, handles, labels, 3, 8)
+    style.legend_below(figure, handles, labels, 3, 9)
     return figure
 
 
@@ -418,7 +423,7 @@ def _legend(figure: Any, axes: Axes) -> None:
     for panel in figure.axes:
         handles |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
     if len(handles) > 1:
-        style.legend_below(figure, handles.values(), handles.keys(), LEGEND_COLUMNS, 8)
+        style.legend_below(figure, handles.values(), handles.keys(), LEGEND_COLUMNS, 9)
 
 
 def _dispersion_alt(case: StoredCase, bands: BandsResult) -> str:

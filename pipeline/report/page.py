@@ -100,10 +100,12 @@ def put_explorer(folder: Path, case_path: Path, log: Log | None = None) -> list[
         raw = read_toml(case_path)
         case = case_from_dict(raw, case_path)
         case.require("pillar", "zone", command="explore")
+        scene = Scene(case, raw, ())
+        scene.check()
         model = cell_model(case, log) if log else kept_model(case)
         if model is None:
             return []
-        html = offline.page(Explorer(Scene(case, raw, ()), model))
+        html = offline.page(Explorer(scene, model))
     except (InputError, SolverError) as fault:  # an unsupported cell: the study has no explorer
         if log:
             log.warning("NO_EXPLORER", f"the report has no explorer: {' '.join(str(fault).split())}")

@@ -14,12 +14,15 @@ from math import log
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pipeline import quantity
 from pipeline.case.reading import toml_text
 from pipeline.models.answer_parts import ModeRecord, TargetMode
 from pipeline.paths import REFERENCE, RESULTS, ROOT, STUDIES
 from pipeline.quantity import KHZ, MM, Unit, frequency_figure, level
 from pipeline.questions import study as asked
+from pipeline.questions.attenuation import AttenuationResult
 from pipeline.questions.bands import BandsResult
 from pipeline.questions.predesign import PredesignResult
 from pipeline.records.record import DesignRecord, Record
@@ -178,9 +181,9 @@ def best_case(study: StoredStudy) -> StoredCase | None:
 
 
 def cards(study: StoredStudy) -> list[Card]:
-    """Return the headlines of a study: target mode, its confinement, gap, status of the cases."""
+    """Return the headlines of a study: target mode, its confinement, drive, rows, their band, status of the cases."""
     best = best_case(study)
-    makers = (_target_card, _confinement_card, _rows_card, _gap_card) if best else ()
+    makers = (_target_card, _confinement_card, _voltage_card, _rows_card, _band_card) if best else ()
     made = [make(study, best) for make in makers if best]
     return [*(card for card in made if card), _ended(study)]
 
@@ -245,15 +248,50 @@ def _like(study: StoredStudy, best: StoredCase) -> list[StoredCase]:
     ]
 
 
-def _gap_card(study: StoredStudy, best: StoredCase) -> Card | None:
-    bands = best.record.of(BandsResult)
-    gap = bands.widest_gap if bands else None
-    if not gap:
+def _voltage_card(study: StoredStudy, best: StoredCase) -> Card | None:
+    """Return the amplitude of the drive for one micrometre at the target mode's peak."""
+    peak = best.record.response.target_peak if best.record.response else None
+    if peak is None or not peak.zone_rms_m_per_V > 0.0:
         return None
-    ends = gap.lower_hz, gap.upper_hz, gap.lower_error, gap.upper_error
-    value = quantity.interval(*ends, to="–", space=WIDE)
-    note = f"of its unit cell, between bands {gap.lower_band} and {gap.upper_band}{_source(study, best)}"
-    return Card("Complete gap", value, note)
+    volts = 1e-6 / peak.zone_rms_m_per_V
+    value = quantity.with_bar(volts, None if peak.height_error is None else volts * peak.height_error, "V", WIDE)
+    height = quantity.with_bar(peak.zone_nm_per_V, peak.zone_error_nm_per_V, "nm/V", WIDE)
+    quality = best.record.response.quality_factor_given if best.record.response else None
+    given = f", with a quality factor of {quantity.figure(quality)}" if quality else ""
+    return Card("Drive for 1 µm", value, f"{height} rms over the zone at its driven peak{given}{_source(study, best)}")
+
+
+def _band_card(study: StoredStudy, best: StoredCase) -> Card | None:
+    """Return the band around the target mode in which the rows of an infinite array take as much as confinement needs."""
+    known, target = best.record.of(AttenuationResult), best.record.target
+    if known is None or target is None or target.frequency_hz is None or not known.rows or not len(known.decay):
+        return None
+    count = f"{known.rows} row{'s' if known.rows != 1 else ''}"
+    name, wave = (
+        f"{count} take {CONFINED_DB:g}{WIDE}dB",
+        "from flexural waves of the zone's wavelength, in an infinite array",
+    )
+    ends = band_of_rows(known, target.frequency_hz)
+    if ends is None:
+        return Card(name, "not at the target mode", f"{wave}{_source(study, best)}", "bad")
+    limits = known.decay[0, 0], known.decay[-1, 0]
+    cut = " or wider: the computed band ends there" if ends[0] <= limits[0] or ends[1] >= limits[1] else ""
+    value = quantity.interval(*ends, None, None, to="–", space=WIDE)
+    return Card(name, value, f"{wave}{cut}{_source(study, best)}", "good")
+
+
+def band_of_rows(known: AttenuationResult, frequency_hz: float) -> tuple[float, float] | None:
+    """Return the frequencies around one between which the rows take at least CONFINED_DB; None if they do not at it."""
+    tone, excess = known.decay[:, 0], known.rows * known.decay[:, 1] - CONFINED_DB
+    if not tone[0] <= frequency_hz <= tone[-1] or np.interp(frequency_hz, tone, excess) < 0.0:
+        return None
+    crossings = [
+        float(a + (b - a) * low / (low - high))
+        for a, b, low, high in zip(tone[:-1], tone[1:], excess[:-1], excess[1:], strict=True)
+        if (low < 0.0) != (high < 0.0)
+    ]
+    lower = max((at for at in crossings if at <= frequency_hz), default=float(tone[0]))
+    return lower, min((at for at in crossings if at > frequency_hz), default=float(tone[-1]))
 
 
 def plates(study: StoredStudy) -> list[StoredCase]:
@@ -395,8 +433,9 @@ def _confinement_sentence(record: Record) -> str:
 
 
 def comparison(study: StoredStudy) -> list[dict[str, Any]]:
-    """Return the thesis' values compared with ours, with the difference if both are numbers."""
-    rows = compare([case.record for case in study.cases])
+    """Return the thesis' values compared with ours, with the difference if both are numbers; for its own studies only."""
+    own = isinstance(study.about.get("case"), str) and (STUDIES / study.about["case"]).is_file()
+    rows = compare([case.record for case in study.cases]) if own else []
     return [{**row, "difference": _difference(row["thesis"], row["ours"])} for row in rows]
 
 

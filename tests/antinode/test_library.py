@@ -354,3 +354,17 @@ def test_a_sweep_over_an_array_is_written_as_a_file_reads_it(tmp_path: Path) -> 
     study = sweeps._study(plate, tmp_path, ["bands"], False, {"pitch_mm": np.linspace(4, 5, 3)})
     assert study.sweep == {"array.pitch_mm": (4, 4.5, 5)} and load_study(study.source) == study
     assert load_case(study.case_path).to_dict() == plate.case.to_dict()
+
+
+def test_tables_are_attributes_and_a_missing_or_repeated_one_is_one_line(tmp_path: Path) -> None:
+    plate = antinode.load(SMALL)
+    assert (plate.zone.width_mm, plate.pillar.height_mm, plate.with_(rows=2).array.rows) == (20.0, 6.3, 2)
+    assert plate.zone.nodal_lines == plate.case.design.nodal_lines and plate.array.extension_mm == 5.0
+    with pytest.raises(antinode.InputError, match=r"plate: \[zone\]: missing"):
+        _ = antinode.Plate(material="steel").zone
+    two = antinode.load(str(SMALL.parent / "two-zones.toml"))
+    with pytest.raises(antinode.InputError, match=r"\[zone\]: one of several: to_dict\(\) has them"):
+        _ = two.zone
+    with pytest.raises(antinode.InputError, match=r"must end in"):
+        plate.export("stl", tmp_path / "plate.step")
+    assert not list(tmp_path.iterdir())

@@ -112,7 +112,24 @@ def test_undo_pins_and_what_does_not_fit(opened: Callable[..., Any]) -> None:
     page.locator("#undo").click()
     until(page, "document.querySelector('#said').className != 'bad'")
     assert page.locator("#height-number").input_value() == "6.3"
+    page.locator("#redo").click()
+    until(page, "document.querySelector('#said').className == 'bad'")
+    assert page.locator("#height-number").input_value() == "8.5" and page.locator("#redo").is_disabled()
     assert not page.faults
+
+
+def test_the_plate_is_drawn_as_it_is_dragged(opened: Callable[..., Any]) -> None:
+    page = opened()
+    feet = "document.querySelector('#plate path.pillars').getAttribute('d').split('M').length - 1"
+    case = load_case(ROOT / "examples" / "small.toml")
+    assert page.evaluate(feet) == len(case.design.pillar_centres())
+    page.locator("#rows-number").fill("2")
+    until(page, f"{feet} == {2 * len(case.design.pillar_centres())}")  # drawn before the answer is here
+    assert "56.0 × 42.0 mm" in page.locator("#plate").text_content()
+    until(page, READY)
+    shown = page.locator("#bands").get_attribute("aria-label")
+    page.locator("#whole").check()
+    assert page.locator("#bands").get_attribute("aria-label") != shown and not page.faults
 
 
 def test_a_phone_in_the_dark_needs_no_sideways_scrolling(opened: Callable[..., Any]) -> None:

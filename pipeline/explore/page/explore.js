@@ -1,7 +1,7 @@
 "use strict";
 const MAX_PINS = 4;
 const $ = (id) => document.getElementById(id);
-const state = { limits: {}, design: {}, shown: null, before: null, undo: [], pins: [], asking: false, again: false, solving: false };
+const state = { limits: {}, design: {}, shown: null, before: null, undo: [], redo: [], pins: [], asking: false, again: false, solving: false };
 
 // who answers: the program that serves the page, or without one a worker with the model that the page holds
 let worker = null;
@@ -97,12 +97,26 @@ function remember() {
   state.undo.push({ ...state.design });
   if (state.undo.length > 100) state.undo.shift();
   if (state.shown) state.before = state.shown;
-  $("undo").disabled = false;
+  state.redo = [];
+  buttons();
+}
+function buttons() {
+  $("undo").disabled = !state.undo.length;
+  $("redo").disabled = !state.redo.length;
+}
+function step(from, onto) {
+  state.before = state.shown;
+  onto.push({ ...state.design });
+  state.design = from.pop();
+  buttons();
+  show(state.design);
+  refresh();
 }
 
 // one question at a time: what was dragged meanwhile is asked as soon as the answer is here
 async function refresh() {
   intoAddress();
+  drawPlate();
   if (state.asking) { state.again = true; return; }
   state.asking = true;
   document.body.classList.add("stale");
@@ -154,6 +168,7 @@ function draw() {
     return card;
   }));
   $("warnings").replaceChildren(...found.warnings.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+  drawPlate();
   drawBands(found, state.before);
   drawDecay(found, state.before);
   drawProfile(found, state.before);
@@ -208,21 +223,55 @@ function arc(labels) {
   }
   return xs;
 }
+// from above, to scale: zone, pillars and, as shade, the motion across the plate that was computed last
+function drawPlate() {
+  const svg = $("plate"), d = state.design, shown = state.shown && !state.shown.plate.why_not ? state.shown.plate : null;
+  if (!state.plate || !state.zone) return;
+  const pitch = d.pitch * state.plate.ratio, rows = d.rows ? (d.rows - 1) * pitch + d.side : 0, half = state.zone / 2 + rows + d.extension, length = state.plate.length_mm;
+  svg.replaceChildren();
+  const scale = Math.min(430 / length, 350 / (2 * half)), x = (v) => 20 + scale * (v + length / 2), y = (v) => 200 + scale * v;
+  put(svg, "rect", { class: "plate", x: x(-length / 2), y: y(-half), width: scale * length, height: 2 * scale * half });
+  if (shown) {
+    const at = [0, ...shown.profile.y_mm.slice(1)], level = shown.profile.level;
+    for (let i = 0; i + 1 < at.length && at[i] < half; i++)
+      for (const side of [-1, 1]) {
+        const ends = [side * at[i], side * Math.min(at[i + 1], half)].sort((a, b) => a - b);
+        put(svg, "rect", { class: "motion", "fill-opacity": (0.6 * (level[i] + level[i + 1]) / 2).toFixed(3), x: x(-length / 2), y: y(ends[0]), width: scale * length, height: scale * (ends[1] - ends[0]) });
+      }
+  }
+  put(svg, "rect", { class: "edge", x: x(-length / 2), y: y(-state.zone / 2), width: scale * length, height: scale * state.zone });
+  const columns = Math.floor((length - d.side) / d.pitch + 1e-9) + 1, square = scale * d.side;
+  let feet = "";
+  for (let row = 0; row < d.rows; row++) {
+    const across = columns - (state.plate.stagger && row % 2 ? 1 : 0); // a shifted row stands between the others
+    for (let n = 0; n < across; n++)
+      for (const side of [-1, 1])
+        feet += `M${(x((n - (across - 1) / 2) * d.pitch) - square / 2).toFixed(1)} ${(y(side * (state.zone / 2 + d.side / 2 + row * pitch)) - square / 2).toFixed(1)}h${square.toFixed(1)}v${square.toFixed(1)}h${(-square).toFixed(1)}z`;
+  }
+  if (feet) put(svg, "path", { class: "pillars", d: feet });
+  const tall = 290 / Math.max(state.limits.height.high + state.limits.thickness.high, 1), foot = 320, width = tall * d.side, middle = 545;
+  put(svg, "rect", { class: "plate", x: middle - 60, y: foot, width: 120, height: tall * d.thickness });
+  put(svg, "rect", { class: "pillars", x: middle - width / 2, y: foot - tall * d.height, width, height: tall * d.height });
+  put(svg, "text", { x: middle, y: 392, "text-anchor": "middle" }, `${d.height} mm on ${d.thickness} mm`);
+  put(svg, "text", { x: x(0), y: y(half) + 16, "text-anchor": "middle" }, `${figure(length)} × ${figure(2 * half)} mm`);
+}
+const WINDOW = 1.8; // times the target frequency: where it counts
 const LETTERS = { G: "Γ" };
 function drawBands(found, before) {
   const bands = found.bands, xs = arc(bands.labels), svg = $("bands");
   $("path").textContent = bands.labels.filter(Boolean).map((text) => LETTERS[text] || text).join("–");
-  const high = Math.max(...bands.frequency_hz.flat()) / 1000;
+  const top = Math.max(...bands.frequency_hz.flat()) / 1000, target = found.plate.why_not ? null : found.plate.frequency_hz / 1000;
+  const high = $("whole").checked || target === null ? top : Math.min(top, WINDOW * target);
   const marks = bands.labels.map((text, i) => [xs[i], LETTERS[text] || text]).filter(([, text]) => text);
   const at = frame(svg, xs[xs.length - 1], high * 1.03, "wavevector", "frequency (kHz)", marks);
-  for (const gap of bands.gaps)
+  for (const gap of bands.gaps.filter((each) => each.upper_hz <= 1030 * high))
     put(svg, "rect", { class: "gap", x: at.left, width: at.width, y: at.y(gap.upper_hz / 1000), height: at.y(gap.lower_hz / 1000) - at.y(gap.upper_hz / 1000) });
   const lines = (name, table) => table[0].forEach((_, band) =>
-    curve(svg, name, at, xs, table.map((row) => row[band] / 1000 <= high * 1.03 ? row[band] / 1000 : null)));
+    curve(svg, name === "line" ? `line b${band % 4}` : name, at, xs, table.map((row) => row[band] / 1000 <= high * 1.03 ? row[band] / 1000 : null)));
   if (before) lines("before", before.bands.frequency_hz);
   lines("line", bands.frequency_hz);
   if (!found.plate.why_not) put(svg, "line", { class: "target", x1: at.left, x2: at.left + at.width, y1: at.y(found.plate.frequency_hz / 1000), y2: at.y(found.plate.frequency_hz / 1000) });
-  svg.setAttribute("aria-label", `Dispersion diagram, ten bands up to ${figure(high)} kHz, ${bands.gaps.length} complete gaps`);
+  svg.setAttribute("aria-label", `Dispersion diagram, bands up to ${figure(high)} kHz, ${bands.gaps.length} complete gaps`);
 }
 function drawDecay(found, before) {
   const rows = found.rows, svg = $("decay");
@@ -280,7 +329,8 @@ function drawCloud() {
   if (!cloud.points.length) return;
   const best = front(cloud.points), high = Math.max(...cloud.points.map((p) => p.confinement_db));
   for (const [id, text, value] of [["by-frequency", "frequency (kHz)", (p) => p.frequency_hz / 1000], ["by-mass", "mass (g)", (p) => p.mass_g]]) {
-    const svg = $(id), far = Math.max(...cloud.points.map(value)) * 1.03, at = frame(svg, far, Math.max(high, 1) * 1.05, text, "confinement (dB)", steps(far).map((v) => [v, String(Number(v.toPrecision(6)))]));
+    const svg = $(id), far = Math.max(...cloud.points.map(value)) * 1.03, at = frame(svg, far, Math.max(high, 10) * 1.05, text, "confinement (dB)", steps(far).map((v) => [v, String(Number(v.toPrecision(6)))]));
+    put(svg, "line", { class: "least", x1: at.left, x2: at.left + at.width, y1: at.y(10), y2: at.y(10) });
     for (const p of [...cloud.points].sort((a, b) => best.has(a) - best.has(b))) {
       if (p.confinement_db < 0) continue;
       const label = `${level(p.confinement_db, p.confinement_error_db)}, ${frequency(p.frequency_hz, p.frequency_error)}, ${figure(p.mass_g)} g`;
@@ -314,6 +364,7 @@ function drawPins() {
       gap ? interval(gap[1].lower_hz, gap[1].upper_hz, gap[1].error) : "none"]);
   }));
   $("pin").disabled = state.pins.length >= MAX_PINS;
+  $("pin").textContent = state.pins.length >= MAX_PINS ? `${MAX_PINS} designs pinned: unpin one below` : "Pin this design";
 }
 function take(design) {
   remember();
@@ -384,19 +435,17 @@ async function start() {
     $("name").textContent = scene.name;
     state.limits = scene.limits;
     state.corners = scene.corners;
+    state.plate = scene.plate;
+    state.zone = scene.plate.zone_mm;
     cloud.batch = scene.batch;
     state.design = fromAddress(scene.design);
   } catch (fault) { say(fault.message, true); return; }
   buildForm();
   show(state.design);
   drawPins();
-  $("undo").addEventListener("click", () => {
-    state.before = state.shown;
-    state.design = state.undo.pop();
-    $("undo").disabled = !state.undo.length;
-    show(state.design);
-    refresh();
-  });
+  $("undo").addEventListener("click", () => step(state.undo, state.redo));
+  $("redo").addEventListener("click", () => step(state.redo, state.undo));
+  $("whole").addEventListener("change", () => { if (state.shown) drawBands(state.shown, state.before); });
   $("pin").addEventListener("click", () => { if (state.shown && state.pins.length < MAX_PINS) { state.pins.push(state.shown); drawPins(); } });
   $("save").addEventListener("click", save);
   $("gather").addEventListener("click", gather);

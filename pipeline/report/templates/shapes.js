@@ -125,7 +125,7 @@
         const { WebGLRenderer, Scene, PerspectiveCamera, OrbitControls } = three();
         this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
         this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-        this.camera = new PerspectiveCamera(26, 1, 1, 1e4);
+        this.camera = new PerspectiveCamera(2, 1, 1, 1e4);
         this.camera.up.set(0, 0, 1);
         this.orbit = new OrbitControls(this.camera, this.canvas);
         this.orbit.enableZoom = document.activeElement === this.canvas;

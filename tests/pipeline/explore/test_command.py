@@ -61,6 +61,15 @@ def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(
     assert "--export" in capsys.readouterr().err
 
 
+def test_a_case_outside_the_sliders_is_refused_before_anything_is_computed(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cell_model, "cell_model", lambda case, log: pytest.fail("computed"))
+    assert main(["explore", str(SMALL), "--set", "plate.thickness_mm=0.7", "--no-browser", "--quiet"]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "explore: plate.thickness_mm = 0.7: must be from 1 to 3 mm" in line
+
+
 def test_the_vendored_solver_is_the_one_its_readme_names() -> None:
     script = offline.SOLVER.read_bytes()
     assert hashlib.sha256(script).hexdigest() in (offline.SOLVER.parent / "README.md").read_text()

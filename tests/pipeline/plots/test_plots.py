@@ -13,7 +13,7 @@ from pipeline.questions.bands import BandPoint, BandsResult
 from pipeline.questions.modes import ShapesResult
 from pipeline.records.record import Record
 from pipeline.records.study import StoredCase, StoredStudy, read_study
-from pipeline.report import gallery
+from pipeline.report import gallery, heat_map
 from tests.helpers import synthetic
 
 
@@ -157,6 +157,31 @@ def test_confinement_against_what_was_swept(study: StoredStudy):
     assert "3 of 4 reach 10 dB" in report_figure.alt
     lone = StoredStudy(study.folder, study.about, study.cases[:1])
     assert gallery.against_sweep(lone) is None
+
+
+def test_two_and_three_swept_keys_are_heat_maps_with_the_confined_designs_framed():
+    """Levels pitch + 3 rows, 0.5 dB more at the second height: 10 dB or more are framed."""
+
+    def case(pitch: int, rows: int, height: float | None = None) -> StoredCase:
+        sweep = {"array.pitch_mm": pitch, "array.rows": rows} | ({} if height is None else {"pillar.height_mm": height})
+        level = pitch + 3.0 * rows + (0.5 if height == 6.5 else 0.0)
+        return synthetic.case(f"{pitch}-{rows}-{height}", sweep, modes=synthetic.modes(synthetic.target(level, 35e3)))
+
+    pitches, rows = (3, 4, 5, 6), (1, 2, 3)
+    study = StoredStudy(Path("s"), {"name": "s"}, tuple(case(p, r) for p in pitches for r in rows))
+    report_figure = heat_map.over_grid(study)
+    panel = report_figure.figure.axes[0]
+    assert panel.get_xlabel() == "array pitch (mm)" and panel.get_ylabel() == "array rows"
+    assert np.asarray(panel.images[0].get_array()).tolist() == [[p + 3.0 * r for p in pitches] for r in rows]
+    corners = {(round(box.get_x() + 0.46), round(box.get_y() + 0.44)) for box in panel.patches}
+    assert corners == {(x, y) for x, p in enumerate(pitches) for y, r in enumerate(rows) if p + 3 * r >= 10}
+    assert "best is 6-3-None with 15.0 dB" in report_figure.alt
+    three = StoredStudy(Path("s"), {"name": "s"}, tuple(case(p, r, h) for p in pitches for r in rows for h in (6, 6.5)))
+    first, second, _ = heat_map.over_grid(three).figure.axes
+    assert [first.get_title(), second.get_title()] == ["pillar height (mm) = 6", "pillar height (mm) = 6.5"]
+    apart = np.asarray(second.images[0].get_array()) - np.asarray(first.images[0].get_array())
+    assert (apart == 0.5).all()
+    assert heat_map.over_grid(StoredStudy(Path("s"), {}, study.cases[:6])) is None  # two pitches
 
 
 def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):

@@ -52,10 +52,8 @@ def cards(study: StoredStudy) -> dict[str, Any]:
     return {card.name: card for card in text.cards(study)}
 
 
-def test_gap_and_bending_are_those_of_the_best_plate_and_name_it(study: StoredStudy) -> None:
+def test_bending_is_that_of_the_best_plate_and_names_it(study: StoredStudy) -> None:
     """Best: pitch 6, three rows, 15 dB; the first plate of the list has pitch 4."""
-    gap = cards(study)["Complete gap"]
-    assert "6.00–12.0" in gap.value and "p6r3" in gap.note
     said = " ".join(text.sentences(study))
     assert "p6r3 meet M at 60.0\u202fkHz" in said
     assert all("p6r3" in card.note for name, card in cards(study).items() if name != "Cases")
@@ -79,6 +77,38 @@ def test_rows_needed_are_those_of_finite_plates_beside_the_endless_estimate(stud
     lone = StoredStudy(Path("s"), {}, (plate(4, 1, 7.0),))
     (rows,) = [card for name, card in cards(lone).items() if name.startswith("Rows")]
     assert rows.value == "≥ 2" and "estimate for an infinite array" in rows.note
+
+
+@pytest.mark.parametrize(
+    ("rows", "target_hz", "value"),
+    [(2, 33.5e3, "32.0–34.0"), (5, 33.5e3, "29.0–37.0"), (2, 34.5e3, "not at"), (1, 33e3, "not at")],
+)
+def test_the_band_of_the_rows_is_where_they_take_ten_decibels(rows: int, target_hz: float, value: str) -> None:
+    """Of 6 dB per row at 33 kHz, 1 dB less for every kilohertz away from it."""
+    modes = synthetic.modes(synthetic.target(12.0, target_hz))
+    held = synthetic.case(
+        "p", design=synthetic.design(rows, 4e-3, 5e-3), modes=modes, attenuation=synthetic.attenuation(rows)
+    )
+    (card,) = [card for name, card in cards(StoredStudy(Path("s"), {}, (held,))).items() if " take 10" in name]
+    assert card.value.startswith(value) and (card.severity == "bad") == (value == "not at")
+
+
+def test_a_band_that_the_computation_cuts_says_so() -> None:
+    """With 40 rows, every frequency from 27.25 to 38.75 kHz is enough; the computed band ends at 25 and 45 kHz."""
+    wide = synthetic.attenuation(40)
+    assert text.band_of_rows(wide, 33e3) == pytest.approx((27.25e3, 38.75e3))
+    part = replace(wide, points=[each for each in wide.points if 29e3 <= each.frequency_hz <= 45e3])
+    modes = synthetic.modes(synthetic.target(12.0, 33e3))
+    cut = synthetic.case("p", design=synthetic.design(4, 4e-3, 5e-3), modes=modes, attenuation=part)
+    (card,) = [card for name, card in cards(StoredStudy(Path("s"), {}, (cut,))).items() if " take 10" in name]
+    assert "or wider: the computed band ends there" in card.note and card.value.startswith("29.0")
+
+
+def test_the_drive_for_one_micrometre_is_that_of_the_driven_peak() -> None:
+    """30 nm/V rms at the peak: a micrometre takes 33.3 V."""
+    one = cards(StoredStudy(Path("s"), {}, (plate(4, 3, 12.0, 11.0),)))["Drive for 1\u202fµm"]
+    assert one.value.startswith("33.3") and "30.0" in one.note and "quality factor of 300" in one.note
+    assert not [name for name in cards(StoredStudy(Path("s"), {}, (plate(4, 3, 12.0),))) if "Drive" in name]
 
 
 def test_a_plate_computed_beside_its_sweep_counts_once(study: StoredStudy) -> None:

@@ -202,7 +202,7 @@ def test_a_long_study_draws_its_best_case(tmp_path: Path):
 
 def test_it_says_what_matters(page: Page):
     text = page.text
-    assert "31.5\u202fkHz" in text and "163–176\u202fkHz" in text
+    assert "31.5\u202fkHz" in text and "163\u202fkHz to 176\u202fkHz" in text
     assert "confined; driven at its own peak, 11.0\u202fdB as a mode, best of 2 plates" in text
     assert "1 of 2 plates confine the target mode by at least 10 dB: pitch_mm=4,rows=1." in text
     assert "pitch_mm=12,rows=1 has no result: the mesh has a cell with a negative Jacobian <7>." in text
@@ -456,3 +456,18 @@ def test_numbers_for_reading():
 def test_the_difference_of_two_meshes_is_the_largest_relative_one(folder: Path):
     case = read_study(folder).cases[0]
     assert text.band_difference(case.record) == pytest.approx(0.003)
+
+
+def test_many_cases_fold_below_the_best_and_the_appendix_holds_the_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report_page.gallery, "draw_study", lambda study: report_page.gallery.FigureSet([]))
+    folder = synthetic.put_study(tmp_path / "rows", pitches=tuple(1e-3 * p for p in range(4, 11)), rows=(1, 2))
+    raw = report_page.build(folder, max_figures=0).read_text()
+    best, fold = raw.index("<summary>pitch_mm=4,rows=2 "), raw.index("All other cases (14)</summary>")
+    assert best < fold < raw.index("<summary>pitch_mm=5,rows=1 ") and raw.count("<summary>pitch_mm=") == 15
+    warnings, appendix = raw.index("<h2>Warnings</h2>"), raw.index("<h2>Appendix</h2>")
+    assert fold < warnings < appendix < raw.index("Simplifications and their reasons</summary>")
+    assert raw.count("<summary>Mesh, inertia count, computing time, files</summary>") == 15
+    few = synthetic.put_study(tmp_path / "few", rows=(1,))
+    assert "All other cases" not in report_page.build(few, max_figures=0).read_text()
