@@ -333,7 +333,7 @@ class Plate(Frozen):
         if form == "phonopy":
             self._case.require("pillar", command="export phonopy")
         else:
-            self._case.require_plate(command=f"export {form}", several=form in ("stl", "step", "3mf"))
+            self._case.require_plate(command=f"export {form}", several=form in ("stl", "step", "3mf"), larger=True)
         return exports.write(self._case, form, None if path is None else str(path), self._log(progress))
 
     def _log(self, progress: bool | None) -> TerminalLog:
