@@ -402,6 +402,8 @@ def _curve(response: dict[str, Any], path: Path) -> tuple[FloatArray, ComplexArr
         raise InputError(f"{path}: {above.sum()} frequencies above 0: must be at least {MIN_COUNT}")
     if not np.isfinite(values).all():
         raise InputError(f"{path}: node {response['rsp_node']}: every value must be a finite number")
+    if not (np.isfinite(frequency[above]).all() and np.all(np.diff(frequency[above]) > 0.0)):
+        raise InputError(f"{path}: node {response['rsp_node']}: its frequencies must be finite and ascend")
     frequency, values = frequency[above], NORMAL[_direction(response)] * values[above]
     if int(response["ordinate_spec_data_type"]) == ACCELERATION:
         values = values / -((2.0 * np.pi * frequency) ** 2)

@@ -74,12 +74,13 @@ def test_a_shallow_history_is_fetched_or_named(tmp_path: Path) -> None:
 
 
 def test_every_number_of_commits_between_runs_has_all_shares_in_turn() -> None:
-    durations = {"a": 10 * ci.SHARE_S, "b": 9 * ci.SHARE_S}
+    durations = {"a": 20 * ci.SHARE_S, "b": 9 * ci.SHARE_S}
     n = int(ci.share(0, durations).partition("/")[2])
-    assert n == 11
+    assert n == 17
     for step in range(1, n):
         assert len({ci.share(7 + step * run, durations) for run in range(n)}) == n
-    assert ci.share(0, durations) == "1/11" and ci.share(10, durations) == "11/11"
+    assert ci.share(0, durations) == "1/17" and ci.share(16, durations) == "17/17"
+    assert ci.share(0, {}) == f"1/{ci.LEAST}"
 
 
 def test_no_share_of_the_stored_durations_is_too_long() -> None:
