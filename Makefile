@@ -11,14 +11,15 @@ JOBS ?=
 SHARD ?= 1/1
 STORE ?=
 UNTIL ?=
-COUNT ?= 4000
+COUNT ?=
 SEED ?=
+FOLDERS ?= solvers geometry pipeline/records pipeline/case
 EXTRAS ?= fast,firmware,client,dev,tables,uff,docs,release
 .DEFAULT_GOAL := help
 # Two workers; one that has finished takes tests from the end of the other's list, so that a file's tests stay together.
 SLOW = $(BIN)/python -m pytest -q -n 2 --dist worksteal --durations-path tests/durations.json $(if $(STORE),--store-durations)
 unexport PYTHONDONTWRITEBYTECODE  # compile sources once, not once per process
-.PHONY: help setup study test slow durations test-all fuzz check-gap firmware image-single image-six flash flash-six bench docs release licences clean
+.PHONY: help setup study test slow durations test-all fuzz mutants check-gap firmware image-single image-six flash flash-six bench docs release licences clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -53,7 +54,10 @@ durations: $(READY)  ## list the longest slow proofs, from tests/durations.json
 test-all: test slow  ## run all tests
 
 fuzz: $(READY)  ## read COUNT damaged files and replies, solve COUNT/500 drawn plates; SEED=n repeats a run
-	@$(BIN)/python -m tests.fuzz --count $(COUNT) $(if $(SEED),--seed $(SEED))
+	@$(BIN)/python -m tests.fuzz $(if $(COUNT),--count $(COUNT)) $(if $(SEED),--seed $(SEED))
+
+mutants: $(READY)  ## plant COUNT small faults in each of FOLDERS, and count those that the tests notice
+	@$(BIN)/python -m studies.mutants --folders $(FOLDERS) $(if $(COUNT),--count $(COUNT)) $(if $(SEED),--seed $(SEED))
 
 check-gap: $(READY)  ## recompute the reference cell's band gap
 	@$(BIN)/antinode check-gap
