@@ -13,7 +13,7 @@ from pipeline.logs import Log, WarningLog
 from pipeline.models.modes import solve_modes
 from pipeline.models.target import ModeRow
 from pipeline.planning.model_choice import Request
-from pipeline.quantity import MM, frequency, frequency_with_bar, percent
+from pipeline.quantity import MM, figure, frequency, frequency_with_bar, percent
 from solvers.errors import SolverError
 
 ACCURACY = 0.02  # of each solve: the first mesh meets it, with bars well below WITHIN
@@ -85,7 +85,7 @@ def _solved(case: Case, theory_hz: float, progress: Log) -> Aimed | None:
     """The target mode of a design, solved quickly; None without one."""
     quick = case.but({"solve.accuracy": ACCURACY})
     row = solve_modes(quick, Request("plate", symmetry=case.target_symmetry), WarningLog()).target_row
-    place = f"zone {case.design.width_m / MM:.3f} mm wide"
+    place = f"zone {figure(case.design.width_m / MM)} mm wide"
     if row is None:
         progress.info(f"{place}: no target mode")
         return None
@@ -121,7 +121,7 @@ def _missed(tried: Sequence[Aimed], wanted_hz: float) -> str:
     if best is not None:
         row = best.row
         tone, size = frequency_with_bar(row.frequency_hz, row.error), best.case.design.width_m / MM
-        came = f"nearest of {len(tried)} designs: {tone} with a zone {size:.2f} mm wide"
+        came = f"nearest of {len(tried)} designs: {tone} with a zone {figure(size)} mm wide"
     return (
         f"no zone brings the target mode within {percent(WITHIN)} of {frequency(wanted_hz)} ({came}): the rows do not confine "
         "this shape there; try other pillars, another pitch, half-wavelength or thickness, or more rows"
