@@ -282,6 +282,8 @@ def read_touch(values: CaseValues, design: Design) -> Touch | None:
         size = f"{design.plate_m[0] / MM:g} x {design.plate_m[1] / MM:g} mm"
         key = "at_mm" if at else "radius_mm"
         diagnostics.add(f"touch.{key}", at or table.radius_mm, f"the contact extends beyond the plate of {size}")
+    elif design.larger_m and design.pillar and design.pillar.faces == 2:
+        diagnostics.add("pillar.faces", "both", "must be back where a finger touches a plate larger than its zone")
     elif "zone" in values.tables.present and abs(place[1]) + radius > design.bare_touch_m:
         room = (
             f"the contact overlaps the pillars on the touch face, which begin at |y| = {design.bare_touch_m / MM:g} mm"

@@ -176,6 +176,10 @@ REFUSED = {
     "zone.centre_y_mm": ("cannot be combined with centre_mm", {"zone": {**RAW["zone"], "centre_y_mm": 1.0}}),
     "array.surround": ("cannot be combined with shifted rows", {"array": {**RAW["array"], "stagger": True}}),
     "array.heights_mm": ("rows around a zone are alike", {"array": {**RAW["array"], "heights_mm": [5.0]}}),
+    "pillar.faces": (
+        "must be back where a finger",
+        {"pillar": {**RAW["pillar"], "faces": "both"}, "touch": {"radius_mm": 2.0}},
+    ),
     "margin": ("leaves a margin of 0.001", {"zone": {**RAW["zone"], "centre_mm": [2.0, -7.399]}}),
 }
 
