@@ -29,12 +29,12 @@ class Aimed:
     row: ModeRow
     theory_hz: float
 
-    def misses(self, wanted_hz: float) -> float:
+    def misses(self, target_hz: float) -> float:
         """Return the relative distance of the target mode from a frequency, its error bar included."""
-        return abs(self.row.frequency_hz / wanted_hz - 1.0) + (self.row.error or 0.0)
+        return abs(self.row.frequency_hz / target_hz - 1.0) + (self.row.error or 0.0)
 
 
-def aim(sized: Callable[[float], Case], wanted_hz: float, progress: Log) -> Aimed:
+def aim(sized: Callable[[float], Case], target_hz: float, progress: Log) -> Aimed:
     """Find the sizes for which the solved target mode has a requested frequency.
 
     Zone and pillars follow the ratio of solved and theoretical frequency together: a zone resized alone needs more solves
@@ -45,7 +45,7 @@ def aim(sized: Callable[[float], Case], wanted_hz: float, progress: Log) -> Aime
     ----------
     sized : callable
         Returns the case whose zone and pillars theory puts at a frequency in Hz. Raises InputError outside its range.
-    wanted_hz : float
+    target_hz : float
         Frequency that the solved target mode is to have.
     progress : Log
         Receives a line for each solve.
@@ -63,7 +63,7 @@ def aim(sized: Callable[[float], Case], wanted_hz: float, progress: Log) -> Aime
         If none of the designs came near enough.
     """
     tried: list[Aimed] = []
-    theory_hz: float | None = wanted_hz
+    theory_hz: float | None = target_hz
     while theory_hz is not None and len(tried) < SOLVES:
         try:
             case = sized(theory_hz)
@@ -74,11 +74,11 @@ def aim(sized: Callable[[float], Case], wanted_hz: float, progress: Log) -> Aime
         solved = _solved(case, theory_hz, progress)
         if solved is None:
             break
-        if solved.misses(wanted_hz) <= WITHIN:
+        if solved.misses(target_hz) <= WITHIN:
             return solved
         tried.append(solved)
-        theory_hz = _next_hz(tried, wanted_hz)
-    raise SolverError(_missed(tried, wanted_hz))
+        theory_hz = _next_hz(tried, target_hz)
+    raise SolverError(_missed(tried, target_hz))
 
 
 def _solved(case: Case, theory_hz: float, progress: Log) -> Aimed | None:
@@ -93,18 +93,18 @@ def _solved(case: Case, theory_hz: float, progress: Log) -> Aimed | None:
     return Aimed(case, row, theory_hz)
 
 
-def _next_hz(own: Sequence[Aimed], wanted_hz: float) -> float | None:
+def _next_hz(own: Sequence[Aimed], target_hz: float) -> float | None:
     """Frequency by theory to try next.
 
     None where the target mode jumps past the requested frequency or stays away from it.
     """
-    missed = [abs(log(each.row.frequency_hz / wanted_hz)) for each in own]
+    missed = [abs(log(each.row.frequency_hz / target_hz)) for each in own]
     if len(own) > 2 and min(missed[-2:]) > missed[-3] / 2.0:
         return None
     nearest = own[missed.index(min(missed))]
-    guess = nearest.theory_hz * wanted_hz / nearest.row.frequency_hz
-    below = [each for each in own if each.row.frequency_hz < wanted_hz]
-    above = [each for each in own if each.row.frequency_hz > wanted_hz]
+    guess = nearest.theory_hz * target_hz / nearest.row.frequency_hz
+    below = [each for each in own if each.row.frequency_hz < target_hz]
+    above = [each for each in own if each.row.frequency_hz > target_hz]
     if not below or not above:
         return guess
     low, high = (pick(side, key=lambda each: each.theory_hz) for pick, side in ((max, below), (min, above)))
@@ -114,15 +114,15 @@ def _next_hz(own: Sequence[Aimed], wanted_hz: float) -> float | None:
     return guess if low.theory_hz < guess < high.theory_hz else sqrt(low.theory_hz * high.theory_hz)
 
 
-def _missed(tried: Sequence[Aimed], wanted_hz: float) -> str:
+def _missed(tried: Sequence[Aimed], target_hz: float) -> str:
     """State that no design had its target mode at the frequency, and how near the nearest came."""
-    best = min(tried, key=lambda each: each.misses(wanted_hz), default=None)
+    best = min(tried, key=lambda each: each.misses(target_hz), default=None)
     came = "no design has a target mode"
     if best is not None:
         row = best.row
         tone, size = frequency_with_bar(row.frequency_hz, row.error), best.case.design.width_m / MM
         came = f"nearest of {len(tried)} designs: {tone} with a zone {figure(size)} mm wide"
     return (
-        f"no zone brings the target mode within {percent(WITHIN)} of {frequency(wanted_hz)} ({came}): the rows do not confine "
+        f"no zone brings the target mode within {percent(WITHIN)} of {frequency(target_hz)} ({came}): the rows do not confine "
         "this shape there; try other pillars, another pitch, half-wavelength or thickness, or more rows"
     )
