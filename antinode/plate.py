@@ -21,7 +21,7 @@ from pipeline.questions import registered
 from pipeline.questions.active import ActiveBeam, ActiveMason, ActivePillar, ActiveShaping
 from pipeline.questions.active_dq import ActiveDq
 from pipeline.questions.attenuation import Attenuation
-from pipeline.questions.bands import Bands
+from pipeline.questions.bands import Bands, MeshBands
 from pipeline.questions.broadband import Broadband
 from pipeline.questions.command import asks, numpydoc
 from pipeline.questions.crosstalk import Crosstalk
@@ -57,6 +57,8 @@ class Plate(Frozen):
     zone, pillar, array, solve, bands, damping, air, patches, tolerance, touch : optional
         Tables of a case file, as Zone, Pillar, Array, Solve, BandPath, Damping, Air, Patches, Scatter, Finger or plain
         dictionaries, in the units of their keys.
+    materials : dict, optional
+        Materials of groups of a mesh file, for `mesh_modes` and `mesh_bands`.
 
     Raises
     ------
@@ -87,11 +89,13 @@ class Plate(Frozen):
         patches: schema.Patches | dict[str, Any] | None = None,
         tolerance: schema.Scatter | dict[str, Any] | None = None,
         touch: schema.Finger | dict[str, Any] | None = None,
+        materials: dict[str, schema.GivenMaterial] | None = None,
     ) -> None:
         plate = {"thickness_mm": thickness_mm} if thickness_mm else None
         given: dict[str, Any] = {"name": name, "material": material, "plate": plate}
         given |= {"zone": zone, "pillar": pillar, "array": array, "solve": solve, "bands": bands}
         given |= {"damping": damping, "air": air, "patches": patches, "tolerance": tolerance, "touch": touch}
+        given |= {"materials": materials}
         self._bind({key: plain(value) for key, value in given.items() if value is not None}, None)
 
     def _bind(self, raw: dict[str, Any], source: Path | None) -> None:
@@ -205,6 +209,7 @@ class Plate(Frozen):
     modes = asks(Modes)
     mesh_modes = asks(MeshModes)
     bands = asks(Bands)
+    mesh_bands = asks(MeshBands)
     attenuation = asks(Attenuation)
     broadband = asks(Broadband)
     response = asks(Response)

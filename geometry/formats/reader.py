@@ -60,6 +60,8 @@ class MeshFile:
         Number of nodes that belong to no element.
     left_out : tuple of str
         Definitions that would change the modes and are not read, as the file names them.
+    bodies : tuple of str
+        Names of the groups of volume elements.
     """
 
     mesh: AnyMesh
@@ -67,9 +69,10 @@ class MeshFile:
     coincident: int
     unused: int
     left_out: tuple[str, ...]
+    bodies: tuple[str, ...] = ()
 
 
-def read_mesh(file: str, unit: str = "m", merge: float = 0.0) -> MeshFile:
+def read_mesh(file: str, unit: str = "m", merge: float = 0.0, groups: Sequence[str] = ()) -> MeshFile:
     """Read a mesh file.
 
     Parameters
@@ -80,6 +83,8 @@ def read_mesh(file: str, unit: str = "m", merge: float = 0.0) -> MeshFile:
         Unit of its lengths.
     merge : float, optional
         Distance in the file's unit below which nodes become one; 0 leaves all as they are.
+    groups : sequence of str, optional
+        Names of groups of elements, in any case, that become regions of their own.
 
     Returns
     -------
@@ -95,9 +100,11 @@ def read_mesh(file: str, unit: str = "m", merge: float = 0.0) -> MeshFile:
     _check_raw(raw, file)
     raw = _merged(raw, merge) if merge > 0.0 else raw
     unused = len(raw.points) - len(np.unique(np.concatenate([np.empty(0, int), *(b.ravel() for _, b in raw.blocks)])))
-    mesh = _mesh(raw, file, unit)
+    mesh = _mesh(raw, file, unit, groups)
     parts, coincident = _bodies(mesh)
-    return MeshFile(mesh, parts, coincident, unused, raw.left_out)
+    solid = {i for i, (kind, block) in enumerate(raw.blocks) if len(block) and DIMENSION.get(kind, 3) == 3}
+    bodies = tuple(name for name, members in raw.cell_groups.items() if {*members} & solid)
+    return MeshFile(mesh, parts, coincident, unused, raw.left_out, bodies)
 
 
 def _merged(raw: RawMesh, tolerance: float) -> RawMesh:
@@ -135,7 +142,7 @@ def _components(pairs: IntArray, count: int) -> tuple[int, IntArray]:
     return int(parts), label
 
 
-def _mesh(raw: RawMesh, file: str, unit: str) -> AnyMesh:
+def _mesh(raw: RawMesh, file: str, unit: str, groups: Sequence[str]) -> AnyMesh:
     given = _volume_types(raw, file)
     raw = completed(raw, file)
     types = sorted({FULL.get(cell_type, cell_type) for cell_type in given})
@@ -151,7 +158,7 @@ def _mesh(raw: RawMesh, file: str, unit: str) -> AnyMesh:
     number = np.full(len(raw.points), -1)
     number[used] = np.arange(len(used))
     blocks = tuple(_block(points, number[block], name, file) for name, block in cells.items())
-    regions = _regions(raw, [i for name in types for i in chosen[name]])
+    regions = _regions(raw, [i for name in types for i in chosen[name]], groups, file)
     mesh = replace(blocks[0], regions=regions) if len(blocks) == 1 else MixedMesh(points, blocks, regions)
     try:
         check_mesh(mesh)
@@ -247,14 +254,26 @@ def _block(points: FloatArray, cells: IntArray, cell_type: str, file: str) -> Me
     return Mesh(points, ours, kind, order)
 
 
-def _regions(raw: RawMesh, volumes: list[int]) -> dict[str, IntArray]:
-    """The cells of groups `pillar`, `section2` and so on, which may have materials of their own, and all others as `plate`."""
+def _regions(raw: RawMesh, volumes: list[int], groups: Sequence[str], file: str) -> dict[str, IntArray]:
+    """The cells of groups `pillar`, `section2` and so on, which may have materials of their own, those of the named groups,
+    and all others as `plate`. Raises MeshFileError for a cell in two named groups.
+    """
+    names = [*OWN, *(name.casefold() for name in groups if name.casefold() not in OWN)]
+    named = {name.casefold() for name in groups}
     starts = np.concatenate([[0], np.cumsum([len(raw.blocks[i][1]) for i in volumes])])
     region = np.zeros(int(starts[-1]), dtype=np.int64)
-    for name, parts in raw.cell_groups.items():
-        for block in {*parts} & {*volumes} if name.casefold() in OWN else ():
-            region[starts[volumes.index(block)] + parts[block]] = OWN.index(name.casefold())
-    return {name: np.flatnonzero(region == i) for i, name in enumerate(OWN) if (region == i).any()}
+    held = np.full(len(region), -1)
+    for name, parts in sorted(raw.cell_groups.items(), key=lambda group: group[0].casefold() in named):
+        own = name.casefold()
+        for block in {*parts} & {*volumes} if own in names else ():
+            cells = starts[volumes.index(block)] + parts[block]
+            if own in named and (other := held[cells].max(initial=-1)) >= 0 and names[other] != own:
+                raise MeshFileError(
+                    f"{file}: groups {names[other]} and {own} share elements: must have one material each"
+                )
+            region[cells] = names.index(own)
+            held[cells] = names.index(own) if own in named else -1
+    return {name: np.flatnonzero(region == i) for i, name in enumerate(names) if (region == i).any()}
 
 
 def _faces(raw: RawMesh, blocks: Sequence[Mesh], number: IntArray, file: str) -> dict[str, tuple[IntArray, ...]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from math import inf, isfinite, isnan, nan, pi
 from pathlib import Path
@@ -21,6 +21,7 @@ from geometry.pillar_shapes import PillarShape
 from pipeline.case.checks import one_table, span_mm
 from pipeline.case.reading import (
     GLUE,
+    GROUPS,
     UNIFORM_ROW_KEYS,
     CaseValues,
     Diagnostics,
@@ -50,6 +51,10 @@ TABLE_EXAMPLES = {  # example of a rarely used table
     "patches": ", such as --set \"patches={material='pz26', size_mm=[12.0, 3.0, 0.3]}\"",
     "tolerance": ', such as --set "tolerance={height_mm=0.05}"',
     "touch": ', such as --set "touch={radius_mm=5.0}"',
+}
+
+HONOURED_BY = {  # tables that few commands honour, and which
+    "materials": "it is for groups of a mesh file (modes and bands with --mesh-file)",
 }
 
 
@@ -89,8 +94,8 @@ class MeasuredFiles:
 class Case:
     """One scene in SI, with defaults. Lengths of absent tables are NaN: call `require` first.
 
-    quality_factor: None if the loss is that of the materials. raw, overrides: the parsed file and its overrides, from which
-    variants of the case are derived.
+    quality_factor: None if the loss is that of the materials. group_materials: those of the groups of a mesh file. raw,
+    overrides: the parsed file and its overrides, from which variants of the case are derived.
     """
 
     name: str
@@ -105,8 +110,25 @@ class Case:
     tolerance: ToleranceTable | None = None
     measured: MeasuredFiles | None = None
     touch: Touch | None = None
+    group_materials: tuple[tuple[str, Material], ...] = ()
     raw: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     overrides: tuple[Override, ...] = field(default=(), repr=False, compare=False)
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """Materials of the design and of a mesh file's groups, each once."""
+        return tuple(dict.fromkeys((*self.design.materials, *(each for _, each in self.group_materials))))
+
+    def refuse_unused(self, honoured: Collection[str], command: str) -> None:
+        """Raise InputError for a table of the case that would change the answer, but that the command cannot honour."""
+        given = {"materials": self.group_materials}
+        lines = [
+            f"{self.source or self.name}: [{name}]: {command} cannot honour it: {HONOURED_BY[name]}, or remove it"
+            for name, content in given.items()
+            if content and name not in honoured
+        ]
+        if lines:
+            raise InputError(lines)
 
     @property
     def is_lossy(self) -> bool:
@@ -198,6 +220,8 @@ class Case:
             plain["tolerance"] = _plain(self.tolerance)
         if self.touch:
             plain["touch"] = _plain(self.touch)
+        if self.group_materials:
+            plain["materials"] = {name: _plain(material) for name, material in self.group_materials}
         if self.air:
             plain["air"] = _plain(self.air)
         if self.measured:
@@ -343,6 +367,9 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         tolerance=values.tables.tolerance if "tolerance" in values.tables.present else None,
         measured=measured,
         touch=touch,
+        group_materials=tuple(
+            (owner.removeprefix(GROUPS), each) for owner, each in values.materials.items() if owner.startswith(GROUPS)
+        ),
         raw=raw,
         overrides=given,
     )

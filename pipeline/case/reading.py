@@ -55,6 +55,7 @@ from pipeline.quantity import GPA, KHZ, MM
 Checked = TypeVar("Checked", bound=BaseModel)
 FIRST_LAYER, SECTION = "plate.layer.0", "pillar.section"
 GLUE = "patches.glue"
+GROUPS = "materials."  # owners of the materials of a mesh file's groups
 HIDDEN = {
     "plate": ("layer",),
     "pillar": ("material", "section"),
@@ -443,6 +444,9 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
             diagnostics.add(table, content, f"must be a table [{table}]")
             continue
         own = {key: value for key, value in content.items() if key not in HIDDEN.get(table, ())}
+        if table == "materials":
+            _read_group_materials(content, materials, known, diagnostics)
+            own = {}
         if table == "patches" and "glue" in content:
             glue = _read_glue(content, materials, known, diagnostics)
         if table == "pillar" and "section" in content:
@@ -678,6 +682,18 @@ def is_table(value: Any) -> bool:
     return isinstance(value, dict)
 
 
+def _read_group_materials(
+    table: dict[str, Any], materials: dict[str, Material], known: list[str], diagnostics: Diagnostics
+) -> None:
+    """Read the materials of groups of a mesh file, owners such as materials.CORE."""
+    folded: dict[str, str] = {}
+    for name, value in table.items():
+        if name.casefold() in folded:
+            diagnostics.add(f"{GROUPS}{name}", value, f"is {folded[name.casefold()]} again: case does not count")
+        folded[name.casefold()] = name
+        _read_material({"material": value}, f"{GROUPS}{name}", materials, known, diagnostics)
+
+
 def _read_material(
     owner_table: Any,
     owner: str,
@@ -687,7 +703,7 @@ def _read_material(
     layered: bool = False,
 ) -> None:
     """Read the material of a table; the case's own is needed unless the plate has layers and the pillars one of theirs."""
-    key = f"{owner}.material".lstrip(".")
+    key = owner if owner.startswith(GROUPS) else f"{owner}.material".lstrip(".")
     if not isinstance(owner_table, dict) or "material" not in owner_table:
         pillar = owner_table.get("pillar") if isinstance(owner_table, dict) and owner == "" else None
         if owner.startswith("plate."):
@@ -795,7 +811,8 @@ def _warm(materials: dict[str, Material], found: dict[str, Table], faulty: set[s
 
 def _check_contrast(materials: dict[str, Material], diagnostics: Diagnostics) -> None:
     """Report a stiffness contrast of plate and a pillar's section, or of two layers, that a single matrix cannot resolve."""
-    young = {owner: material.average.young_pa / GPA for owner, material in materials.items()}
+    own = {owner: each for owner, each in materials.items() if not owner.startswith(GROUPS)}
+    young = {owner: material.average.young_pa / GPA for owner, material in own.items()}
     plate = young.pop(FIRST_LAYER, young.pop("", None))
     for owner, other in young.items():
         if plate is not None and max(plate, other) > MAX_CONTRAST * min(plate, other):

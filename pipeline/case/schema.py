@@ -309,6 +309,10 @@ class TouchTable(Table):
     limit_V: float | None = optional(limits.VOLTS)
 
 
+class MaterialsTable(Table):  # keys are names of groups, read one by one
+    pass
+
+
 class MeasuredTable(Table):
     sweep: str | None = text("the path of a CSV file", min_length=1)
     map: str | None = text("the path of a CSV file", min_length=1)
@@ -374,6 +378,7 @@ class Tables:
     touch: TouchTable
     tolerance: ToleranceTable
     measured: MeasuredTable
+    materials: MaterialsTable
     present: frozenset[str]
     faulty: set[str] = field(default_factory=set)
     pitches_given: tuple[str, ...] | None = None
@@ -634,6 +639,7 @@ TABLES: dict[str, type[Table]] = {
     "touch": TouchTable,
     "tolerance": ToleranceTable,
     "measured": MeasuredTable,
+    "materials": MaterialsTable,
 }
 
 
@@ -652,6 +658,7 @@ def json_schema() -> dict[str, Any]:
     root["$defs"]["PlateTable"]["required"] = []
     root["$defs"]["PatchesTable"]["properties"]["glue"] = layer | {"description": GLUE_ALLOWED}
     root["$defs"]["SectionTable"]["properties"]["material"] = material
+    root["$defs"]["MaterialsTable"]["additionalProperties"] = material
     root["$defs"]["PillarTable"]["properties"]["section"] = {
         "type": "array", "items": of[SectionTable], "description": SECTIONS_ALLOWED
     }  # fmt: skip

@@ -28,6 +28,7 @@ def run(arguments: Namespace) -> int:
     if arguments.export:
         outputs.check_files("--export", [arguments.export])
     log = TerminalLog(arguments.quiet)
+    case.refuse_unused((), "explore")
     warn_of_doubts(case.design, log)
     explorer = explorer_of(case, raw, tuple(arguments.set), log)
     if arguments.export:

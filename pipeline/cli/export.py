@@ -16,6 +16,7 @@ SOLIDS = tuple(f"export {form}" for form in ("stl", "step", "3mf"))  # for any n
 def export(arguments: Namespace) -> int:
     """Write files for CAD, printing and other programs."""
     case, log = of_case(arguments, load_case(arguments.case, arguments.set)), TerminalLog(arguments.quiet)
+    case.refuse_unused((), f"export {arguments.format}")
     warn_of_doubts(case.design, log)
     from pipeline.exchange import exports
 

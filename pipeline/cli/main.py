@@ -138,7 +138,9 @@ def _run(arguments: argparse.Namespace) -> int:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search reads every installed distribution
     TerminalLog.verbose = arguments.verbose
     with inputs_kept():
-        read_by_command(*(place for name in READ if isinstance(place := getattr(arguments, name, None), str)))
+        given = (getattr(arguments, name, None) for name in READ)
+        each = (place for places in given for place in (places if isinstance(places, list) else [places]))
+        read_by_command(*(place for place in each if isinstance(place, str)))
         command.check(arguments)
         return int(_function(arguments.handler)(arguments))
 

@@ -174,6 +174,7 @@ def of_case(arguments: Namespace) -> Scene:
     from pipeline.models.mode_fields import nearest_rows
 
     case, log = load_case(arguments.target, arguments.set), TerminalLog(arguments.quiet)
+    case.refuse_unused((), "view")
     warn_of_doubts(case.design, log)
     case.require_plate(command="view", several=not arguments.solve, larger=True)
     if not arguments.solve:

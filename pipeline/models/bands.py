@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -18,9 +18,11 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models import own_frequency
 from pipeline.models.cell_cache import CellCache
+from pipeline.models.own_cell import OwnCell, own_cell
 from pipeline.models.own_frequency import OwnFrequency
 from pipeline.models.parts import mesh_record
 from pipeline.models.unit_cell import Bar, LatticeModel, WholeCell, lattice_model
+from pipeline.models.user_mesh import UserMesh
 from pipeline.planning import refinement, resource_estimate, simplifications
 from pipeline.planning.mesh_rules import refinement_of
 from pipeline.planning.model_choice import SOLID, ModelChoice
@@ -132,7 +134,7 @@ def _edges(gap: Any, path: Path, frequencies_hz: FloatArray, errors: FloatArray)
     return {f"{side}_error": nearest_error(frequencies_hz, errors, getattr(gap, f"{side}_hz")) for side in sides}
 
 
-SampledCell = WholeCell | Periodic
+SampledCell = WholeCell | OwnCell | Periodic
 Solve = Callable[[FloatArray, int], tuple[FloatArray, ModeErrors]]
 MOVED = 1e-6  # relative change that shows that an edge of the zone's gap lies off the path
 MAX_RAISES = 4  # most increases of a reduction's degrees
@@ -382,9 +384,43 @@ def _widest(errors: list[ModeErrors]) -> Bar:
 
 
 def _sampled(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
-    """Solve a cell that gives frequencies only; gaps are searched between the samples, too."""
+    """Solve the meshed cell or the reduced cell of staggered rows."""
     choice, cell, _ = sampled_cell(case, choice, path, log)
-    meshes = [mesh_record("cell", cell.mesh)] if isinstance(cell, WholeCell) else []
+    return _by_samples(case, cell, choice.name, case.design.cell_mirrors, path, log)
+
+
+@one_thread()
+def solve_own_bands(case: Case, files: Sequence[UserMesh], log: Log) -> SolvedBands:
+    """Compute the bands of a user's mesh of the cell along the case's path, with error bars from two meshes.
+
+    Parameters
+    ----------
+    case
+        The case, with its lattice.
+    files
+        One or two meshes of the cell.
+    log
+        Receives the progress.
+    """
+    cell, path = own_cell(case, files, log), case.path(case.bands.points)
+    bands = _by_samples(case, cell, cell.name, (), path, log)
+    if bands.gaps and not case.bands.grid:
+        log.warning(
+            "PATH",
+            f"the symmetry of the cell is not known, so a gap may close off {case.bands.path}: set bands.grid = 20 to "
+            "search there",
+        )
+    if cell.coarser:
+        log.info(bands.widest_bar.text())
+        bands.widest_bar.warn(case, log)
+    return replace(bands, expected_error=largest(bands.by_mesh))
+
+
+def _by_samples(
+    case: Case, cell: SampledCell, name: str, mirrors: Collection[str], path: Path, log: Log
+) -> SolvedBands:
+    """Solve a cell that gives frequencies only; gaps are searched between the samples, too."""
+    meshes = [] if isinstance(cell, Periodic) else [mesh_record("cell", cell.mesh)]
     log.left_out(
         "polarisation, branches, group velocity and quality factors", "this model of the cell gives frequencies only"
     )
@@ -394,7 +430,7 @@ def _sampled(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBan
     with log.step("gaps"):
         gaps, zone = path_gaps(sampled_lines(frequencies, path, rows)), None
     if case.bands.grid:
-        grid = case.design.lattice.grid(case.bands.grid, case.design.cell_mirrors)
+        grid = case.design.lattice.grid(case.bands.grid, mirrors)
         with log.step(f"grid of {len(grid)} wavevectors"):
             values = np.array([frequencies(k) for k in grid])
             every, found = np.vstack([path.wavevectors, grid]), np.vstack([rows, values])
@@ -402,9 +438,7 @@ def _sampled(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBan
         _log_zone(gaps, zone, log)
     errors = MeshErrors(np.array([each.taken for each in estimates]), np.array([each.mesh for each in estimates]))
     truncated = MARGIN * truncation_bars(np.array([each.total for each in estimates]))
-    return SolvedBands(
-        choice.name, cell.dof, path, rows, gaps, meshes, None, zone, mesh_errors=errors, truncated=truncated
-    )
+    return SolvedBands(name, cell.dof, path, rows, gaps, meshes, None, zone, mesh_errors=errors, truncated=truncated)
 
 
 def _each_once(wavevectors: FloatArray, count: int, solve: Solve) -> tuple[FloatArray, list[ModeErrors]]:

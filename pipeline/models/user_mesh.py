@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from math import pi
 from typing import Any
@@ -54,20 +54,13 @@ def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
     if query.symmetry:
         without = "a mesh from a file has no symmetry classes; omit --symmetry"
         raise InputError(f"--symmetry {query.symmetry}: {without}")
-    with log.step("read the mesh"):
-        read = read_mesh(file, own.unit, max(own.merge or 0.0, 0.0))
+    read, materials = read_bodies(case, own, log)
     mesh = read.mesh
     fixed = [_support(text) for text in own.supports]
     for name in clamps:
         _known(name, mesh, file, "--clamp")
     for name, _ in fixed:
         _known(name, mesh, file, "--support")
-    materials = _materials(case, mesh)
-    _check_bodies(read, own)
-    _log_summary(mesh, materials, file, log)
-    _warn_of_file(read, case, file, log)
-    _warn_of_unit(case, mesh, file, own.unit, log)
-    warn_of_locking(case.design, mesh, log)
     mesh = _with_touch(mesh)
     frame = touch_frame(mesh, case.design, file, bool(clamps or fixed)) if _has_touch(case, mesh) else None
     lines, cuts = case.design.touch_lines_m, case.design.touch_cuts_m
@@ -84,6 +77,19 @@ def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
     vectors: dict[str | None, FloatArray] = {None: solution.vectors}
     about = (pencil.dof, solution.rigid_count, count, [mesh_record("own mesh", mesh)])
     return with_quality(case, PartModes("mesh", model, rows, vectors, *about, target=target, more_in_mesh=0))
+
+
+def read_bodies(case: Case, own: UserMesh, log: Log) -> tuple[MeshFile, dict[str, Material]]:
+    """Read a mesh and the material of each of its regions; InputError for an unsuitable mesh."""
+    with log.step("read the mesh"):
+        read = read_mesh(own.file, own.unit, max(own.merge or 0.0, 0.0), [name for name, _ in case.group_materials])
+    mesh, materials = read.mesh, _materials(case, read, own.file)
+    _check_bodies(read, own)
+    _log_summary(mesh, materials, own.file, log)
+    _warn_of_file(read, case, own.file, log)
+    _warn_of_unit(case, mesh, own.file, own.unit, log)
+    warn_of_locking(case.design, mesh, log)
+    return read, materials
 
 
 def _check_bodies(read: MeshFile, own: UserMesh) -> None:
@@ -108,14 +114,35 @@ def _warn_of_file(read: MeshFile, case: Case, file: str, log: Log) -> None:
         pillar
         and pillar.material != case.design.stack.back
         and "pillar" not in {name.casefold() for name in read.mesh.regions}
+        and not case.group_materials
     ):
         log.warning("NO_PILLAR", f"{file}: no group PILLAR: pillar.material is not used")
 
 
-def _materials(case: Case, mesh: AnyMesh) -> dict[str, Material]:
-    """Material of every region: that of the plate, except for regions named after the pillar or its tip."""
-    own = region_materials(case.design.stack, case.design.pillar)
-    return {name: own.get(name.casefold(), case.design.stack.back) for name in mesh.regions}
+def _materials(case: Case, read: MeshFile, file: str) -> dict[str, Material]:
+    """Material of every region: that of the plate, except for groups of [materials] and those named after the pillar.
+
+    Raises InputError for a name that no group of the file has, and for a group that may be any layer of a plate of several.
+    """
+    design, bodies = case.design, {name.casefold() for name in read.bodies}
+    unknown = [name for name, _ in case.group_materials if name.casefold() not in bodies]
+    if unknown:
+        there = f"it has {', '.join(sorted(read.bodies)) or 'none'}"
+        raise InputError(
+            f"{file}: [materials] {name}: no such group of elements{nearest(name, read.bodies)}; {there}"
+            for name in unknown
+        )
+    given = {name.casefold(): material for name, material in case.group_materials}
+    known = region_materials(design.stack, design.pillar) | given
+    if design.layers and case.group_materials and not {*read.mesh.regions} <= {*known} - {"plate"}:
+        what = "which of the plate's layers it is made of is not known: name it in [materials]"
+        raise InputError(f"{file}: group {_others(read, known)}: {what}")
+    return {name: known.get(name.casefold(), design.stack.back) for name in read.mesh.regions}
+
+
+def _others(read: MeshFile, known: Collection[str]) -> str:
+    """Groups of elements without a material of their own, in words."""
+    return ", ".join(sorted(name for name in read.bodies if name.casefold() not in known)) or "of all other elements"
 
 
 def _has_touch(case: Case, mesh: AnyMesh) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline import quantity
 from pipeline.errors import InputError
@@ -21,7 +21,7 @@ from pipeline.questions.late import (
     simplifications,
     style,
 )
-from pipeline.questions.question import Question, Run
+from pipeline.questions.question import Question, Run, option
 from pipeline.questions.result import Figure, Result, figure, figure_at, stacked
 from pipeline.records.part import Part, bar, column
 
@@ -34,6 +34,7 @@ LABEL = {"ha": "center", "va": "center", "fontsize": 9, "clip_on": True}
 WHITE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
 LEGEND_COLUMNS = 3
 PILLAR = "pillar"
+ONE_MESH = "no error bars: one mesh gives none; a second, finer --mesh-file of the same cell does"
 MARKS = {"flexural": ("BLUE", "o", 2.8), "shear": ("ORANGE", "s", 2.8), "longitudinal": ("PURPLE", "^", 3.4)}
 
 
@@ -312,11 +313,18 @@ class BandsResult(Result, table="points", axes=("point", "band")):
             yield f"quality factors by the loss of the materials: {ends}"
         if self.widest_bar:
             known = {name: self.widest_bar[name] for name in ("error", "of", "parts")}
-            yield WidestBar(**known).text()
+            bar = WidestBar(**known)
+            yield ONE_MESH if bar.error is None and self._is_of_mesh else bar.text()
+
+    @property
+    def _is_of_mesh(self) -> bool:
+        return bool(self.origin and self.origin.options.get("mesh_file"))
 
     @property
     def has_pillar(self) -> bool:
-        """Whether the cell has a pillar, as far as the result's origin is known."""
+        """Whether the cell has a pillar, as far as the result's origin is known; that of a mesh file is not."""
+        if self._is_of_mesh:
+            return False
         known = self.origin.with_defaults if self.origin else None
         design = (known or {}).get("design") or {}
         return bool(design.get("pillar"))
@@ -443,4 +451,54 @@ class Bands(
         run.meshes += solved.meshes
         run.arrays |= solved.shapes
         run.solved["lattice"] = solved.lattice
+        return BandsResult.of_solved(solved)
+
+
+class MeshBands(Question[BandsResult], instead_of="bands", by="mesh_file", honours=("materials",)):
+    """Compute Bloch bands and gaps of your own mesh of a unit cell, whose sides are tied along the case's lattice vectors.
+
+    The mesh is solved whole and unchanged; a second, finer or coarser, mesh of the cell gives error bars.
+
+    >>> import antinode, meshio, tempfile
+    >>> file, side = f"{tempfile.mkdtemp()}/cell.inp", 0.004
+    >>> corners = [[side * x, side * y, side * z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    >>> meshio.write_points_cells(file, corners, [("hexahedron", [[*range(8)]])])
+    >>> plate = antinode.Plate(material="steel", array={"pitch_mm": 4.0}, bands={"points": 1, "count": 3})
+    >>> plate.mesh_bands(mesh_file=[file]).frequencies_hz.shape
+    (4, 3)
+    """
+
+    mesh_file: tuple[str, ...] = option(
+        default=(), kw_only=False, metavar="FILE",
+        help="mesh of the cell: .med, .msh or .inp; a second one for error bars",
+    )  # fmt: skip
+    unit: Literal["m", "mm"] | None = option(default=None, help="length unit of the mesh file (default: m)")
+    merge: float | None = option(
+        default=None, at_least=0.0, metavar="D",
+        help="merge nodes closer than this, in the unit of the file (0: keep touching bodies separate)",
+    )  # fmt: skip
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without a lattice, for more than two files and for a missing one."""
+        from pipeline.questions.modes import check_mesh_files
+
+        case.require("array.pitch_mm", command="bands --mesh-file")
+        case.require_one_kind("bands are")
+        case.path(1)
+        if not 1 <= len(self.mesh_file) <= 2:
+            raise InputError(f"--mesh-file: {len(self.mesh_file)} files: must be one, or two meshes of one cell")
+        check_mesh_files(self.mesh_file)
+
+    def plan(self, case: Case) -> Plan:
+        why = ("your own mesh is solved whole and unchanged",)
+        step = plans.Step(self.name, "bands of the mesh", "solid", " and ".join(self.mesh_file), (), "", why)
+        return plans.plan_of(case, step)
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
+        from pipeline.models.bands import solve_own_bands
+        from pipeline.models.user_mesh import UserMesh
+
+        files = [UserMesh(file, self.unit or "m", merge=self.merge) for file in self.mesh_file]
+        solved = solve_own_bands(case, files, run)
+        run.meshes += solved.meshes
         return BandsResult.of_solved(solved)

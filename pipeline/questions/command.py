@@ -114,8 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
         warn_of_doubts(case.design, log)
     question = kind(**{name: _given(arguments, kind, name, about) for name, about in kind.options.items()})
     if arguments.explain:
-        case = case and question.asked_of(case)
-        question.check(case)  # type: ignore[arg-type]
+        case = question.suited(case)
         plan = question.plan(case)  # type: ignore[arg-type]
         undrawn = simplifications.no_figures(bool(arguments.out or arguments.plot))
         plan = replace(plan, whole=(*plan.whole, *([undrawn] if undrawn else [])))

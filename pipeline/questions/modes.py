@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -414,7 +414,7 @@ class PillarModes(ZoneModes, Question[ModesResult]):
 # -- of a mesh file ----------------------------------------------------------------------------------------------------
 
 
-class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
+class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file", honours=("materials",)):
     """Compute the modes of your own mesh with the material of the case.
 
     The mesh is solved whole and unchanged, in Hz and dB; the group TOUCH, if present, is the face that is evaluated.
@@ -446,11 +446,8 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
 
     def check(self, case: Case) -> None:
         """Raise InputError for a band together with a frequency, and for a missing file."""
-        from pipeline.case.reading import nearest_file
-
         _check_window(self.near_kHz, self.band_kHz)
-        if not Path(self.mesh_file).exists():
-            raise InputError(f"{self.mesh_file}: no such mesh file{nearest_file(Path(self.mesh_file).absolute())}")
+        check_mesh_files([self.mesh_file])
 
     def plan(self, case: Case) -> Plan:
         why = ("your own mesh is solved whole and unchanged",)
@@ -462,6 +459,15 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
         mesh = UserMesh(self.mesh_file, self.unit or "m", self.clamp, self.support, self.merge)
         query = _request("plate", self.band_kHz, self.near_kHz, self.count)
         return _answered(solve(case, mesh, query, run), case, run)
+
+
+def check_mesh_files(files: Iterable[str]) -> None:
+    """Raise InputError for a mesh file that does not exist, with the nearest one that does."""
+    from pipeline.case.reading import nearest_file
+
+    for file in files:
+        if not Path(file).exists():
+            raise InputError(f"{file}: no such mesh file{nearest_file(Path(file).absolute())}")
 
 
 def _check_window(near_kHz: float | None, band_kHz: Pair | None) -> None:

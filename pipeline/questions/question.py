@@ -208,6 +208,7 @@ class Question(Declared, Generic[R]):
     family: ClassVar[str] = ""  # parent command, such as active in `antinode active mason`
     without_case: ClassVar[str | None] = None  # the study's case if none is given, "" for none; no study asks it
     instead_of: ClassVar[str] = ""  # the question whose command asks this one
+    honours: ClassVar[Axis] = ()  # tables of the case that only few questions honour
     by: ClassVar[str | Axis] = ()  # the option that selects it, or one of several
     progress: bool | None = field(default=None, compare=False, repr=False)
 
@@ -271,6 +272,14 @@ class Question(Declared, Generic[R]):
     def asked_of(self, case: Case) -> Case:
         """Return the case with the options that override its keys."""
         return case
+
+    def suited(self, case: Case | None) -> Any:
+        """Return the case as it is asked of. Raises InputError for an unsuitable one."""
+        about: Any = case and self.asked_of(case)
+        if about:
+            about.refuse_unused(self.honours, self.instead_of or self.name)
+        self.check(about)
+        return about
 
     def check(self, case: Case) -> None:
         """Raise InputError for an unsuitable case; subclasses add conditions beyond `needs`."""
@@ -339,11 +348,10 @@ def ask(case: Case | None, question: Question[R], log: Log | Run) -> R:
 
     run = log if isinstance(log, Run) else Run(log)
     assert case is not None or question.without_case is not None
-    about: Any = case and question.asked_of(case)
-    question.check(about)
+    about = question.suited(case)
     before = len(run.warnings)
     if about and not question.at_own_frequencies and about.solve.moduli_kHz is None:
-        for material in about.design.materials:
+        for material in about.materials:
             if material.spectrum:
                 taken = f"its moduli are those at {material.taken_hz:g} Hz: solve.moduli_kHz sets another frequency"
                 run.warning("MODULI", f"{material.name}: {taken}")

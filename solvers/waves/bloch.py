@@ -6,76 +6,16 @@ counts every wave twice), so no complex sparse matrix is ever formed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import FloatArray, IntArray
-from geometry.errors import MeshError
 from geometry.lattice import Lattice
-from geometry.mesh import AnyMesh
+from geometry.periodic import periodic_nodes
 from solvers.fem.assembly import System
 from solvers.fem.eigen import PlainPencil, lowest_pairs
 
-MATCH = 1e-6  # of the pitch: how far opposite nodes may lie apart
 REAL_PHASE = 1e-12
-PAIRS = 2_000_000  # of points and nodes whose distances are all computed, in the time that importing a tree takes
-
-
-@dataclass(frozen=True)
-class PeriodicNodes:
-    """Master of every node, (n,), and the number of lattice vectors from it to the node, (n, 2)."""
-
-    master: IntArray
-    offset: IntArray
-
-
-def periodic_nodes(mesh: AnyMesh, lattice: Lattice) -> PeriodicNodes:
-    """Pair the nodes on x+ with x-, y+ with y- of the row below, shifted or not.
-
-    Parameters
-    ----------
-    mesh : AnyMesh
-        Mesh of one cell with faces x- to y+, coordinates in m.
-    lattice : Lattice
-        Lattice vectors of the cell.
-
-    Returns
-    -------
-    PeriodicNodes
-        Master of every node; a node that is not on x+ or y+ is its own.
-
-    Raises
-    ------
-    MeshError
-        If opposite faces do not match node for node.
-    """
-    low, allowed = mesh.nodes.min(axis=0), MATCH * min(lattice.cell_m)
-    offset = np.zeros((len(mesh.nodes), 2), dtype=np.int64)
-    for axis, face in enumerate(("x+", "y+")):
-        offset[mesh.nodes_of(face), axis] = 1
-    shifted = mesh.nodes[:, 0] - offset @ lattice.vectors_m[:, 0]
-    offset[shifted < low[0] - allowed, 0] -= 1  # the row below begins half a pitch further on
-    shift = np.column_stack([offset @ lattice.vectors_m, np.zeros(len(offset))])
-    candidates = np.flatnonzero((offset == 0).all(axis=1))
-    distance, nearest = _nearest(mesh.nodes[candidates], mesh.nodes - shift)
-    if distance.max() > allowed:
-        worst = 1e3 * (mesh.nodes[int(distance.argmax())] - np.array([low[0], low[1], 0.0]))
-        raise MeshError(f"opposite faces do not match: the node at {worst.round(4)} mm has no partner one pitch away")
-    return PeriodicNodes(candidates[nearest], offset)
-
-
-def _nearest(nodes: FloatArray, points: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Distance from each point (n, 3) to the nearest of the nodes (m, 3), and which node that is, (n,) each."""
-    if len(nodes) * len(points) <= PAIRS:
-        squares = sum(np.subtract.outer(points[:, axis], nodes[:, axis]) ** 2 for axis in range(3))
-        nearest = np.argmin(squares, axis=1)
-        return np.linalg.norm(points - nodes[nearest], axis=1), nearest
-    from scipy.spatial import cKDTree  # takes longer to import than small meshes take without it
-
-    distance, nearest = cKDTree(nodes).query(points)
-    return distance, nearest
 
 
 class BlochCell:

@@ -1,0 +1,138 @@
+"""Unit cell of a user's mesh: sides tied by Bloch's conditions, solved whole, extrapolated from two meshes.
+
+The error of the finer mesh goes as h^q. With q at least 1, that of the strongest singularity of elasticity, a crack's, the
+frequencies f of two meshes whose elements differ by a factor r put the exact one between f and f - |df| / (r - 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry.elements import FloatArray, IntArray
+from geometry.errors import MeshError
+from geometry.mesh import AnyMesh, cell_volumes
+from pipeline.case.model import Case
+from pipeline.errors import InputError
+from pipeline.logs import Log
+from pipeline.models.unit_cell import largest_of_alike
+from pipeline.models.user_mesh import UserMesh, read_bodies
+from pipeline.quantity import MM, percent
+from solvers.accuracy.reduction import STILL, ModeErrors
+from solvers.fem.assembly import assemble
+from solvers.waves.bloch import BlochCell
+
+FINER = 1.2  # times smaller at least must the elements of the finer mesh be, along every axis, everywhere
+SAME_BODY = 0.01  # of the size along an axis, and of the volume: two meshes of one cell agree that well
+BLOCKS = 3  # parts along each axis in which the sizes of elements are compared
+
+
+@dataclass(frozen=True)
+class OwnCell:
+    """A meshed cell, and a coarser mesh of it whose elements are `ratio` times as long; None without one to compare."""
+
+    mesh: AnyMesh
+    own: BlochCell
+    coarser: BlochCell | None
+    ratio: float
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom per wavevector."""
+        return self.own.dof
+
+    @property
+    def name(self) -> str:
+        """Elements and their order."""
+        return f"own cell {self.mesh.kind}{self.mesh.order}"
+
+    def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
+        """Solve the `count` lowest frequencies at a wavevector (2,) in rad/m; returns them in Hz, with their errors."""
+        tones, none = self.own.frequencies(wavevector, count), np.zeros(count)
+        if self.coarser is None:
+            return tones, ModeErrors(none, none, none, none, np.full(count, np.nan))
+        coarse = self.coarser.frequencies(wavevector, count)
+        moving = tones > STILL * tones[-1]
+        rise = np.where(moving, coarse / np.where(moving, tones, 1.0) - 1.0, 0.0) / (self.ratio - 1.0)
+        half = largest_of_alike(tones, np.abs(rise)) / 2.0
+        best = tones * (1.0 - rise / 2.0)
+        order = np.argsort(best, kind="stable")
+        taken = rise / 2.0 / (1.0 - rise / 2.0)
+        return best[order], ModeErrors(none, none, none, taken[order], half[order])
+
+    def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
+        """Solve the frequencies alone."""
+        return self.solve(wavevector, count)[0]
+
+
+def own_cell(case: Case, files: Sequence[UserMesh], log: Log) -> OwnCell:
+    """Read one or two meshes of a cell and tie their sides along the case's lattice; InputError for unsuitable ones."""
+    cells = []
+    for each in files:
+        read, materials = read_bodies(case, each, log)
+        with log.step("assemble the cell"):
+            try:
+                cells.append((read.mesh, BlochCell(assemble(read.mesh, materials), case.design.lattice)))
+            except MeshError as fault:
+                raise InputError(f"{each.file}: {fault}") from fault
+    if len(cells) == 1:
+        log.warning("NO_ERROR_BAR", f"{files[0].file}: no error bar: give a finer mesh, too, with a second --mesh-file")
+        return OwnCell(*cells[0], None, np.inf)
+    (coarse, other), (fine, own) = sorted(cells, key=lambda cell: cell[1].dof)
+    names = [files[place].file for place in np.argsort([cell[1].dof for cell in cells], kind="stable")]
+    _check_alike(coarse, fine, names)
+    ratio, axis = _ratio(coarse, fine)
+    if ratio < FINER:
+        what = f"its elements along {axis} are {ratio:.3g} times smaller than those of {names[0]} somewhere"
+        log.warning(
+            "NO_ERROR_BAR", f"{names[1]}: no error bar: {what}, which must be at least {FINER:g} times everywhere"
+        )
+        return OwnCell(fine, own, None, np.inf)
+    log.info(f"elements of {names[1]} are at least {ratio:.3g} times smaller than those of {names[0]}")
+    return OwnCell(fine, own, other, ratio)
+
+
+def _check_alike(coarse: AnyMesh, fine: AnyMesh, names: list[str]) -> None:
+    """Raise InputError for meshes of two bodies, and for elements of two orders."""
+    if coarse.order != fine.order:
+        what = f"its elements are of order {fine.order}, those of {names[0]} of order {coarse.order}: must be one order"
+        raise InputError(f"{names[1]}: {what}")
+    sizes = [np.append(np.ptp(mesh.nodes, axis=0), _volume(mesh)) for mesh in (coarse, fine)]
+    apart = np.abs(sizes[1] / sizes[0] - 1.0)
+    if apart.max() > SAME_BODY:
+        one, two = (" x ".join(f"{edge / MM:.6g}" for edge in size[:3]) for size in sizes)
+        what = f"is {two} mm, {names[0]} is {one} mm, their volumes differ by {percent(apart[3])}: must be one cell"
+        raise InputError(f"{names[1]}: {what}")
+
+
+def _volume(mesh: AnyMesh) -> float:
+    return float(sum(cell_volumes(block).sum() for block in mesh.blocks))
+
+
+def _ratio(coarse: AnyMesh, fine: AnyMesh) -> tuple[float, str]:
+    """How many times smaller a mesh's elements are than a coarser one's, where least, and along which axis."""
+    from scipy.spatial import cKDTree
+
+    low, high = coarse.nodes.min(axis=0), coarse.nodes.max(axis=0)
+    (middle, edges), (finer, finer_edges) = map(_elements, (coarse, fine))
+    place = np.clip((BLOCKS * (middle - low) / (high - low)).astype(int), 0, BLOCKS - 1)
+    block = np.unique(place, axis=0, return_inverse=True)[1].ravel()
+    within = block[cKDTree(middle).query(finer)[1]]
+    kept = np.unique(within)
+    ratio = _means(edges, block)[kept] / _means(finer_edges, within)[kept]
+    axis = int(np.argmin(ratio.min(axis=0)))
+    return float(ratio.min()), "xyz"[axis]
+
+
+def _elements(mesh: AnyMesh) -> tuple[FloatArray, FloatArray]:
+    """Middles (e, 3) of elements, and their extents along the axes (e, 3), m."""
+    ends = [mesh.nodes[block.cells] for block in mesh.blocks]
+    return np.vstack([each.mean(axis=1) for each in ends]), np.vstack([np.ptp(each, axis=1) for each in ends])
+
+
+def _means(values: FloatArray, group: IntArray) -> FloatArray:
+    """Mean of values (e, 3) in each group (e,), (groups, 3); 0 where there are none."""
+    size = np.maximum(np.bincount(group), 1)
+    return np.column_stack([np.bincount(group, column) / size for column in values.T])
