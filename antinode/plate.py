@@ -21,7 +21,7 @@ from pipeline.questions import registered
 from pipeline.questions.active import ActiveBeam, ActiveMason, ActivePillar, ActiveShaping
 from pipeline.questions.active_dq import ActiveDq
 from pipeline.questions.attenuation import Attenuation
-from pipeline.questions.bands import Bands, MeshBands
+from pipeline.questions.bands import Bands, MeshBands, SupercellBands
 from pipeline.questions.broadband import Broadband
 from pipeline.questions.command import asks, numpydoc
 from pipeline.questions.crosstalk import Crosstalk
@@ -210,6 +210,7 @@ class Plate(Frozen):
     mesh_modes = asks(MeshModes)
     bands = asks(Bands)
     mesh_bands = asks(MeshBands)
+    supercell_bands = asks(SupercellBands)
     attenuation = asks(Attenuation)
     broadband = asks(Broadband)
     response = asks(Response)

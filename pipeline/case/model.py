@@ -19,6 +19,7 @@ from geometry.layout import Design, Patches, Pillar, Section, antinode_places
 from geometry.materials import PIEZO_MATERIALS, Layer, Material, Stack
 from geometry.pillar_shapes import PillarShape
 from pipeline.case.checks import one_table, span_mm
+from pipeline.case.defects import Defect, read_defects
 from pipeline.case.reading import (
     GLUE,
     GROUPS,
@@ -54,7 +55,8 @@ TABLE_EXAMPLES = {  # example of a rarely used table
 }
 
 HONOURED_BY = {  # tables that few commands honour, and which
-    "materials": "it is for groups of a mesh file (modes and bands with --mesh-file)",
+    "[[defect]]": "it is for cells of a supercell (bands with --supercell)",
+    "[materials]": "it is for groups of a mesh file (modes and bands with --mesh-file)",
 }
 
 
@@ -94,8 +96,9 @@ class MeasuredFiles:
 class Case:
     """One scene in SI, with defaults. Lengths of absent tables are NaN: call `require` first.
 
-    quality_factor: None if the loss is that of the materials. group_materials: those of the groups of a mesh file. raw,
-    overrides: the parsed file and its overrides, from which variants of the case are derived.
+    quality_factor: None if the loss is that of the materials. group_materials: those of the groups of a mesh file.
+    defects: cells of a supercell with another pillar. raw, overrides: the parsed file and its overrides, from which variants
+    of the case are derived.
     """
 
     name: str
@@ -111,19 +114,21 @@ class Case:
     measured: MeasuredFiles | None = None
     touch: Touch | None = None
     group_materials: tuple[tuple[str, Material], ...] = ()
+    defects: tuple[Defect, ...] = ()
     raw: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     overrides: tuple[Override, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """Materials of the design and of a mesh file's groups, each once."""
-        return tuple(dict.fromkeys((*self.design.materials, *(each for _, each in self.group_materials))))
+        """Materials of the design, of a mesh file's groups and of other pillars, each once."""
+        others = (section.material for each in self.defects if each.pillar for section in each.pillar.sections)
+        return tuple(dict.fromkeys((*self.design.materials, *(each for _, each in self.group_materials), *others)))
 
     def refuse_unused(self, honoured: Collection[str], command: str) -> None:
         """Raise InputError for a table of the case that would change the answer, but that the command cannot honour."""
-        given = {"materials": self.group_materials}
+        given = {"[materials]": self.group_materials, "[[defect]]": self.defects}
         lines = [
-            f"{self.source or self.name}: [{name}]: {command} cannot honour it: {HONOURED_BY[name]}, or remove it"
+            f"{self.source or self.name}: {name}: {command} cannot honour it: {HONOURED_BY[name]}, or remove it"
             for name, content in given.items()
             if content and name not in honoured
         ]
@@ -201,9 +206,12 @@ class Case:
             )
             raise InputError(f"{where}: {lists}: {what}")
 
-    def path(self, points: int) -> lattice.Path:
-        """Return the path of the bands, `points` intervals per segment. InputError for points of another lattice."""
-        own, labels = self.design.lattice, self.bands.path
+    def path(self, points: int, cells: lattice.Lattice | None = None, walked: str | None = None) -> lattice.Path:
+        """Return the path of the bands, or one through another lattice, `points` intervals per segment.
+
+        Raises InputError for points of another lattice.
+        """
+        own, labels = cells or self.design.lattice, walked or self.bands.path
         try:
             return own.path(labels, points)
         except ValueError as fault:
@@ -222,6 +230,8 @@ class Case:
             plain["touch"] = _plain(self.touch)
         if self.group_materials:
             plain["materials"] = {name: _plain(material) for name, material in self.group_materials}
+        if self.defects:
+            plain["defects"] = [_plain(each) for each in self.defects]
         if self.air:
             plain["air"] = _plain(self.air)
         if self.measured:
@@ -345,7 +355,9 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     given = tuple(overrides)
     settings = parsed(given)
     raw = one_table(raw, str(source) if source is not None else "case")
-    values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
+    applied = apply_overrides(raw, settings)
+    defects = applied.pop("defect", None)
+    values = read_values(applied, source, [key for key, _ in settings])
     patches, touch, measured = None, None, _measured(values, source)
     attached = {"patches", "touch"} & values.tables.present
     if attached and not values.diagnostics.touch("material", "plate", "zone", "pillar", "array"):
@@ -354,6 +366,10 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     values.diagnostics.stop()
     design = _design(values)
     _check_losses(values, design, patches)
+
+    def pillar_of(other: dict[str, Any]) -> Pillar | None:
+        return case_from_dict(other, source).design.pillar
+
     return Case(
         name=values.name,
         source=source,
@@ -370,6 +386,7 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         group_materials=tuple(
             (owner.removeprefix(GROUPS), each) for owner, each in values.materials.items() if owner.startswith(GROUPS)
         ),
+        defects=() if defects is None else read_defects(defects, applied, str(source or "case"), pillar_of),
         raw=raw,
         overrides=given,
     )

@@ -403,7 +403,7 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
         for other in ALTERNATIVES.get(key, ()):
             _drop(result, other)
         if key == "pillar.shape" and isinstance(value, str) and value in SHAPES:
-            _keep_sizes(result, SHAPES[value])
+            keep_sizes(result, SHAPES[value])
         _put(result, key.split("."), value)
     return result
 
@@ -435,7 +435,8 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
         if key == "tip":
             diagnostics.add("tip", raw[key], f"replaced by sections: {_as_sections(raw)}")
         elif key not in TABLES and key not in ("name", "material"):
-            diagnostics.unknown(key, raw[key], [*known, *TABLES] if not isinstance(raw[key], dict) else [*TABLES])
+            named = [*TABLES, "defect"]
+            diagnostics.unknown(key, raw[key], [*known, *named] if not isinstance(raw[key], dict) else named)
     for table, model in TABLES.items():
         if table not in raw and table not in ALWAYS:
             continue
@@ -506,7 +507,7 @@ def _split_pitch(raw: dict[str, Any]) -> None:
         array.setdefault("pitch_y_mm", pitch)
 
 
-def _keep_sizes(raw: dict[str, Any], shape: type[PillarShape]) -> None:
+def keep_sizes(raw: dict[str, Any], shape: type[PillarShape]) -> None:
     """Drop the sizes that only other shapes have."""
     others = {key for other in SHAPES.values() for key in other.keys} - {*shape.keys}
     for name in others if shape.has_height else others | {"height_mm"}:

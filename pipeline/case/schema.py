@@ -43,6 +43,7 @@ SECTIONS_ALLOWED = (
     "foot up"
 )
 GLUE_ALLOWED = "a table {material, thickness_mm} of the layer between patches and plate"
+DEFECTS_ALLOWED = "tables [[defect]] of at = [i, j], a cell of the supercell, and remove = true or keys of [pillar]"
 LAYERS_ALLOWED = "tables [[plate.layer]] of material and thickness_mm, from the touch face to the back"
 FROM_CENTRE = "from the plate's centre"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
@@ -625,6 +626,18 @@ def _section_table() -> type[Table]:
     return create_model("SectionTable", __base__=Table, **keys, height_mm=(Length | None, height))
 
 
+def _defect_table() -> type[Table]:
+    """[[defect]] with the keys of [pillar] that a single pillar may have of its own."""
+    place = Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=2, max_length=2)]
+    keys: dict[str, Any] = {
+        "at": (place, Field(description="two whole numbers [i, j], a cell of the supercell from 0")),
+        "remove": (bool, Field(default=False, description="true or false")),
+    }
+    own = {name: field for name, field in TABLES["pillar"].model_fields.items() if name != "section"}
+    keys |= {name: (field.annotation, field) for name, field in own.items()}
+    return create_model("DefectTable", __base__=Table, **keys)
+
+
 SectionTable = _section_table()
 TABLES: dict[str, type[Table]] = {
     "plate": PlateTable,
@@ -645,7 +658,7 @@ TABLES: dict[str, type[Table]] = {
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of the case file (draft 2020-12), for completion and validation in editors."""
-    models: list[type[BaseModel]] = [*TABLES.values(), MaterialTable, SectionTable]
+    models: list[type[BaseModel]] = [*TABLES.values(), MaterialTable, SectionTable, DefectTable]
     references, root = models_json_schema([(model, "validation") for model in models])
     of = {model: references[model, "validation"] for model in models}
     material = {"anyOf": [{"type": "string"}, of[MaterialTable]], "description": MATERIAL_ALLOWED}
@@ -664,12 +677,15 @@ def json_schema() -> dict[str, Any]:
     }  # fmt: skip
     for owner in filter(None, MATERIAL_OWNERS):
         root["$defs"][TABLES[owner].__name__]["properties"]["material"] = material
-    top = {"name": {"type": "string", "description": NAME_ALLOWED}, "material": material}
+    root["$defs"]["DefectTable"]["properties"]["material"] = material
+    defects = {"type": "array", "items": of[DefectTable], "description": DEFECTS_ALLOWED}
+    top = {"name": {"type": "string", "description": NAME_ALLOWED}, "material": material, "defect": defects}
     dialect = "https://json-schema.org/draft/2020-12/schema"
     return {"$schema": dialect, "type": "object", "properties": top | tables, "additionalProperties": False, **root}
 
 
-LISTS: dict[str, type[Table]] = {"plate.layer": LayerTable, "pillar.section": SectionTable}
+DefectTable = _defect_table()
+LISTS: dict[str, type[Table]] = {"plate.layer": LayerTable, "pillar.section": SectionTable, "defect": DefectTable}
 
 
 def of_any_element(key: str) -> str:

@@ -5,24 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from geometry.decimation import coarse, with_sides
 from geometry.elements import FloatArray, IntArray
-from geometry.lattice import Path
+from geometry.lattice import Lattice, Path
 from geometry.layout import Design
 from geometry.tiling import row_panels
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models import own_frequency
 from pipeline.models.cell_cache import CellCache
-from pipeline.models.own_cell import OwnCell, own_cell
 from pipeline.models.own_frequency import OwnFrequency
 from pipeline.models.parts import mesh_record
 from pipeline.models.unit_cell import Bar, LatticeModel, WholeCell, lattice_model
-from pipeline.models.user_mesh import UserMesh
 from pipeline.planning import refinement, resource_estimate, simplifications
 from pipeline.planning.mesh_rules import refinement_of
 from pipeline.planning.model_choice import SOLID, ModelChoice
@@ -134,7 +132,6 @@ def _edges(gap: Any, path: Path, frequencies_hz: FloatArray, errors: FloatArray)
     return {f"{side}_error": nearest_error(frequencies_hz, errors, getattr(gap, f"{side}_hz")) for side in sides}
 
 
-SampledCell = WholeCell | OwnCell | Periodic
 Solve = Callable[[FloatArray, int], tuple[FloatArray, ModeErrors]]
 MOVED = 1e-6  # relative change that shows that an edge of the zone's gap lies off the path
 MAX_RAISES = 4  # most increases of a reduction's degrees
@@ -142,6 +139,23 @@ MAX_POINTS = 500
 MAX_BANDS = 12
 QUALITY = "quality_factor", "quality_error"
 SLOWEST = 0.05  # of the highest frequency of bands: slower waves do not decide at which the moduli are taken
+
+
+class SampledCell(Protocol):
+    """A cell that gives frequencies and their errors, but no waves."""
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom per wavevector."""
+        ...
+
+    def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
+        """Solve the `count` lowest frequencies at a wavevector (2,) in rad/m; returns them in Hz, with their errors."""
+        ...
+
+    def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
+        """Solve the frequencies alone."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -335,11 +349,13 @@ def row_cell(design: Design, reduction: ReductionSettings, lossy: bool = False) 
     return Periodic([reductions.cell(panel) for panel in row_panels(design)], shift=1)
 
 
-def _solver(cell: SampledCell) -> Solve:
+def _solver(cell: SampledCell | Periodic) -> Solve:
     return partial(waves_of, cell) if isinstance(cell, Periodic) else cell.solve
 
 
-def sampled_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple[ModelChoice, SampledCell, Bar]:
+def sampled_cell(
+    case: Case, choice: ModelChoice, path: Path, log: Log
+) -> tuple[ModelChoice, WholeCell | Periodic, Bar]:
     """Choose and build the meshed cell, or the reduced cell of staggered rows.
 
     It has the first reduction and the first mesh whose errors at the corners of the path meet the accuracy, or the finest
@@ -347,8 +363,8 @@ def sampled_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple
     """
     design, count = case.design, case.bands.count
 
-    def solved(choice: ModelChoice) -> tuple[SampledCell, list[ModeErrors]]:
-        cell: SampledCell
+    def solved(choice: ModelChoice) -> tuple[WholeCell | Periodic, list[ModeErrors]]:
+        cell: WholeCell | Periodic
         if choice.reduction:
             with log.step("reduce the panels of a row"):
                 cell = row_cell(design, choice.reduction, case.is_lossy)
@@ -362,7 +378,7 @@ def sampled_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple
     def demand(choice: ModelChoice) -> ResourceEstimate:
         return resource_estimate.of_bands(case, choice, len(path.wavevectors))
 
-    def deeper(choice: ModelChoice, built: tuple[SampledCell, list[ModeErrors]], _: int) -> ModelChoice | None:
+    def deeper(choice: ModelChoice, built: tuple[WholeCell | Periodic, list[ModeErrors]], _: int) -> ModelChoice | None:
         finer = refine_reduction(choice, _worst(built[1]), case, log, "a band")
         return finer if finer and resource_estimate.fits(demand(finer), log) else None
 
@@ -386,41 +402,51 @@ def _widest(errors: list[ModeErrors]) -> Bar:
 def _sampled(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
     """Solve the meshed cell or the reduced cell of staggered rows."""
     choice, cell, _ = sampled_cell(case, choice, path, log)
-    return _by_samples(case, cell, choice.name, case.design.cell_mirrors, path, log)
+    return _by_samples(case, cell, choice.name, case.design.lattice, case.design.cell_mirrors, path, log)
 
 
 @one_thread()
-def solve_own_bands(case: Case, files: Sequence[UserMesh], log: Log) -> SolvedBands:
-    """Compute the bands of a user's mesh of the cell along the case's path, with error bars from two meshes.
+def bands_of_cell(case: Case, cell: SampledCell, name: str, lattice: Lattice, path: Path, log: Log) -> SolvedBands:
+    """Compute the bands of another cell than the case's own, whose symmetry is not known.
 
     Parameters
     ----------
     case
-        The case, with its lattice.
-    files
-        One or two meshes of the cell.
+        The case.
+    cell
+        The cell.
+    name
+        Name of its model.
+    lattice
+        Its lattice.
+    path
+        Path through the Brillouin zone of the lattice.
     log
         Receives the progress.
     """
-    cell, path = own_cell(case, files, log), case.path(case.bands.points)
-    bands = _by_samples(case, cell, cell.name, (), path, log)
+    bands = _by_samples(case, cell, name, lattice, (), path, log)
     if bands.gaps and not case.bands.grid:
-        log.warning(
-            "PATH",
-            f"the symmetry of the cell is not known, so a gap may close off {case.bands.path}: set bands.grid = 20 to "
-            "search there",
-        )
-    if cell.coarser:
+        walked = "".join(label for label in path.labels if label)
+        what = f"the symmetry of this cell is not known, so a gap may close off {walked}: set bands.grid = 20 to search there"
+        log.warning("PATH", what)
+    if bands.widest_bar.error is not None:
         log.info(bands.widest_bar.text())
         bands.widest_bar.warn(case, log)
     return replace(bands, expected_error=largest(bands.by_mesh))
 
 
 def _by_samples(
-    case: Case, cell: SampledCell, name: str, mirrors: Collection[str], path: Path, log: Log
+    case: Case,
+    cell: SampledCell | Periodic,
+    name: str,
+    lattice: Lattice,
+    mirrors: Collection[str],
+    path: Path,
+    log: Log,
 ) -> SolvedBands:
     """Solve a cell that gives frequencies only; gaps are searched between the samples, too."""
-    meshes = [] if isinstance(cell, Periodic) else [mesh_record("cell", cell.mesh)]
+    mesh = getattr(cell, "mesh", None)
+    meshes = [mesh_record("cell", mesh)] if mesh else []
     log.left_out(
         "polarisation, branches, group velocity and quality factors", "this model of the cell gives frequencies only"
     )
@@ -430,7 +456,7 @@ def _by_samples(
     with log.step("gaps"):
         gaps, zone = path_gaps(sampled_lines(frequencies, path, rows)), None
     if case.bands.grid:
-        grid = case.design.lattice.grid(case.bands.grid, mirrors)
+        grid = lattice.grid(case.bands.grid, mirrors)
         with log.step(f"grid of {len(grid)} wavevectors"):
             values = np.array([frequencies(k) for k in grid])
             every, found = np.vstack([path.wavevectors, grid]), np.vstack([rows, values])

@@ -17,9 +17,10 @@ from geometry.mesh import AnyMesh, cell_volumes
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.models.bands import SolvedBands, bands_of_cell
 from pipeline.models.unit_cell import largest_of_alike
 from pipeline.models.user_mesh import UserMesh, read_bodies
-from pipeline.quantity import MM, percent
+from pipeline.quantity import MM, figure, percent
 from solvers.accuracy.reduction import STILL, ModeErrors
 from solvers.fem.assembly import assemble
 from solvers.waves.bloch import BlochCell
@@ -67,6 +68,27 @@ class OwnCell:
         return self.solve(wavevector, count)[0]
 
 
+def solve_own_bands(case: Case, files: Sequence[UserMesh], log: Log) -> SolvedBands:
+    """Compute the bands of a user's mesh of the cell along the case's path, with error bars from two meshes.
+
+    Parameters
+    ----------
+    case : Case
+        The case, with its lattice.
+    files : sequence of UserMesh
+        One or two meshes of the cell.
+    log : Log
+        Receives the progress.
+
+    Returns
+    -------
+    SolvedBands
+        Along the path.
+    """
+    cell = own_cell(case, files, log)
+    return bands_of_cell(case, cell, cell.name, case.design.lattice, case.path(case.bands.points), log)
+
+
 def own_cell(case: Case, files: Sequence[UserMesh], log: Log) -> OwnCell:
     """Read one or two meshes of a cell and tie their sides along the case's lattice; InputError for unsuitable ones."""
     cells = []
@@ -85,12 +107,12 @@ def own_cell(case: Case, files: Sequence[UserMesh], log: Log) -> OwnCell:
     _check_alike(coarse, fine, names)
     ratio, axis = _ratio(coarse, fine)
     if ratio < FINER:
-        what = f"its elements along {axis} are {ratio:.3g} times smaller than those of {names[0]} somewhere"
+        what = f"its elements along {axis} are {figure(ratio)} times smaller than those of {names[0]} somewhere"
         log.warning(
             "NO_ERROR_BAR", f"{names[1]}: no error bar: {what}, which must be at least {FINER:g} times everywhere"
         )
         return OwnCell(fine, own, None, np.inf)
-    log.info(f"elements of {names[1]} are at least {ratio:.3g} times smaller than those of {names[0]}")
+    log.info(f"elements of {names[1]} are at least {figure(ratio)} times smaller than those of {names[0]}")
     return OwnCell(fine, own, other, ratio)
 
 
@@ -102,7 +124,7 @@ def _check_alike(coarse: AnyMesh, fine: AnyMesh, names: list[str]) -> None:
     sizes = [np.append(np.ptp(mesh.nodes, axis=0), _volume(mesh)) for mesh in (coarse, fine)]
     apart = np.abs(sizes[1] / sizes[0] - 1.0)
     if apart.max() > SAME_BODY:
-        one, two = (" x ".join(f"{edge / MM:.6g}" for edge in size[:3]) for size in sizes)
+        one, two = (" x ".join(figure(edge / MM) for edge in size[:3]) for size in sizes)
         what = f"is {two} mm, {names[0]} is {one} mm, their volumes differ by {percent(apart[3])}: must be one cell"
         raise InputError(f"{names[1]}: {what}")
 

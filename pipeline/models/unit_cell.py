@@ -24,7 +24,7 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import foot_shares, mesh_record, tet_cell
 from pipeline.planning import mesh_rules, resource_estimate
-from pipeline.planning.model_choice import ORDER, SUPERELEMENT, ModelChoice, coarse_settings
+from pipeline.planning.model_choice import ORDER, SUPERELEMENT, ModelChoice, cell_model_choice, coarse_settings
 from pipeline.planning.refinement import describe_change, higher_degree, more_modes, on_finer_meshes
 from pipeline.planning.resources import ResourceEstimate
 from pipeline.quantity import percent
@@ -78,6 +78,7 @@ class LatticeModel:
     reduction_error: float
     beyond: float
     mesh_error: float | None
+    choice: ModelChoice  # with the final reduction
 
     def truncation(self, waves: Sequence[Waves], count: int) -> FloatArray:
         """Relative truncation errors of the lowest bands, (wavevectors, bands)."""
@@ -116,7 +117,7 @@ def lattice_model(
     choice, (lattice, bar) = (
         on_finer_meshes(first, lambda built: built[1], on_mesh, demand, case, log) if finer else first
     )
-    return LatticeModel(replace(choice, model=SUPERELEMENT).name, lattice, error, beyond, bar[0])
+    return LatticeModel(replace(choice, model=SUPERELEMENT).name, lattice, error, beyond, bar[0], choice)
 
 
 def _solved(lattice: ReducedLattice, wavevectors: FloatArray, case: Case) -> list[Waves]:
@@ -162,6 +163,29 @@ def _reducer(choice: ModelChoice, case: Case, log: Log, meshes: list[MeshRecord]
         return cell
 
     return reduce
+
+
+def reduced_cell(case: Case, choice: ModelChoice, log: Log) -> Cell:
+    """Reduce the cell of a case with the settings of another one of the same lattice.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    choice : ModelChoice
+        Mesh and reduction of the other one.
+    log : Log
+        Receives the progress.
+
+    Returns
+    -------
+    Cell
+        With the same boundary functions.
+    """
+    assert choice.reduction
+    own = cell_model_choice(case)
+    needs_cad = own.edge_m if choice.edge_m is None or case.design.pillar is None else choice.edge_m
+    return _reducer(replace(choice, edge_m=needs_cad), case, log, [])(choice.reduction)
 
 
 class _Pilot:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -34,6 +35,7 @@ LABEL = {"ha": "center", "va": "center", "fontsize": 9, "clip_on": True}
 WHITE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
 LEGEND_COLUMNS = 3
 PILLAR = "pillar"
+SUPERCELL = re.compile(r"([1-9][0-9]?)x([1-9][0-9]?)", re.ASCII)
 ONE_MESH = "no error bars: one mesh gives none; a second, finer --mesh-file of the same cell does"
 MARKS = {"flexural": ("BLUE", "o", 2.8), "shear": ("ORANGE", "s", 2.8), "longitudinal": ("PURPLE", "^", 3.4)}
 
@@ -266,7 +268,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     @property
     def _corners(self) -> list[BandPoint]:
         """Points at the corner of a rectangular zone: M of a triangular lattice is another one."""
-        if "K" in self.labels or getattr(self.plate_design, "staggered", False):
+        if "K" in self.labels or self._is_by("supercell") or getattr(self.plate_design, "staggered", False):
             return []
         return [point for point in self.points if point.label == "M"]
 
@@ -314,16 +316,15 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         if self.widest_bar:
             known = {name: self.widest_bar[name] for name in ("error", "of", "parts")}
             bar = WidestBar(**known)
-            yield ONE_MESH if bar.error is None and self._is_of_mesh else bar.text()
+            yield ONE_MESH if bar.error is None and self._is_by("mesh_file") else bar.text()
 
-    @property
-    def _is_of_mesh(self) -> bool:
-        return bool(self.origin and self.origin.options.get("mesh_file"))
+    def _is_by(self, option: str) -> bool:
+        return bool(self.origin and self.origin.options.get(option))
 
     @property
     def has_pillar(self) -> bool:
         """Whether the cell has a pillar, as far as the result's origin is known; that of a mesh file is not."""
-        if self._is_of_mesh:
+        if self._is_by("mesh_file"):
             return False
         known = self.origin.with_defaults if self.origin else None
         design = (known or {}).get("design") or {}
@@ -454,7 +455,45 @@ class Bands(
         return BandsResult.of_solved(solved)
 
 
-class MeshBands(Question[BandsResult], instead_of="bands", by="mesh_file", honours=("materials",)):
+class SupercellBands(Bands, Question[BandsResult], instead_of="bands", by="supercell", honours=("[[defect]]",)):
+    """Compute Bloch bands and gaps of a supercell of the case's own cells, some of them changed by `[[defect]]`.
+
+    >>> import antinode
+    >>> plate = antinode.load("examples/small.toml", accuracy=0.1, bands__points=1, bands__count=4)
+    >>> plate.supercell_bands("2x1").frequencies_hz.shape
+    (5, 4)
+    """
+
+    supercell: str = option(
+        default="", kw_only=False, metavar="NxM", help="cells along both lattice vectors, such as 3x1; see [[defect]]"
+    )
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Cells along both lattice vectors. Raises InputError for another text."""
+        match = SUPERCELL.fullmatch(self.supercell)
+        if not match:
+            raise InputError(
+                f"--supercell = {self.supercell!r}: must be two numbers of cells from 1 to 99, such as 3x1"
+            )
+        return int(match[1]), int(match[2])
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without a unit cell, and for a defect outside the supercell."""
+        from pipeline.models.supercell import check_places
+
+        super().check(case)
+        check_places(case, self.size)
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
+        from pipeline.models.supercell import solve_supercell_bands
+
+        choice = plan.steps[0].choice
+        assert choice
+        return BandsResult.of_solved(solve_supercell_bands(case, choice, self.size, run))
+
+
+class MeshBands(Question[BandsResult], instead_of="bands", by="mesh_file", honours=("[materials]",)):
     """Compute Bloch bands and gaps of your own mesh of a unit cell, whose sides are tied along the case's lattice vectors.
 
     The mesh is solved whole and unchanged; a second, finer or coarser, mesh of the cell gives error bars.
@@ -495,7 +534,7 @@ class MeshBands(Question[BandsResult], instead_of="bands", by="mesh_file", honou
         return plans.plan_of(case, step)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
-        from pipeline.models.bands import solve_own_bands
+        from pipeline.models.own_cell import solve_own_bands
         from pipeline.models.user_mesh import UserMesh
 
         files = [UserMesh(file, self.unit or "m", merge=self.merge) for file in self.mesh_file]

@@ -414,7 +414,7 @@ class PillarModes(ZoneModes, Question[ModesResult]):
 # -- of a mesh file ----------------------------------------------------------------------------------------------------
 
 
-class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file", honours=("materials",)):
+class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file", honours=("[materials]",)):
     """Compute the modes of your own mesh with the material of the case.
 
     The mesh is solved whole and unchanged, in Hz and dB; the group TOUCH, if present, is the face that is evaluated.

@@ -149,21 +149,22 @@ class Interface:
 class Ties:
     """Ties of the degrees of freedom of adjacent cells in a lattice: u(r + a) = u(r) exp(i k.a).
 
-    a1 leads from the first of the cells to the next one's place beyond the last, a2 to the next row, `shift` cells further on.
-    The lower edge and the inside are free; an open row keeps its upper edge free, too.
+    a1 leads from the first of a row's cells to the place beyond the last, a2 from the first of the `rows` to the one beyond
+    the last; each begins `shift` cells further on than the one below. The lower edge and the inside, with the edges between
+    rows, are free; an open row keeps its upper edge free, too.
 
     column (dof,): the free one, numbered [lower edge, inside], an edge as [vertex line, side] of each cell; offset (dof, 2): by
     how many a1 and a2 it lies beyond it. edge, inside: how many there are of both.
     """
 
-    def __init__(self, face: Interface, modes: Sequence[int], shift: int = 0) -> None:
-        self.count, self.shift = len(modes), shift
+    def __init__(self, face: Interface, modes: Sequence[int], shift: int = 0, rows: int = 1) -> None:
+        self.count, self.shift, self.rows = len(modes) // rows, shift, rows
         self.edge = self.count * (face.vertex_block + face.side_block)
-        self.inside = self.count * face.side_block + sum(modes)
+        self.inside = len(modes) * face.side_block + (rows - 1) * self.edge + sum(modes)
         self.starts = np.cumsum([0, *(face.count + own for own in modes)])
         self.column = np.empty(self.starts[-1], dtype=np.int64)
         self.offset = np.zeros((self.starts[-1], 2))
-        fixed = self.edge + self.count * face.side_block
+        fixed = rows * self.edge + len(modes) * face.side_block
         for index, own in enumerate(modes):
             start = int(self.starts[index])
             self._tie(face, start, index)
@@ -172,14 +173,19 @@ class Ties:
 
     def _tie(self, face: Interface, start: int, index: int) -> None:
         """The boundary of cell `index`, whose degrees of freedom begin at `start`."""
+        row, index = divmod(index, self.count)
         block = face.vertex_block + face.side_block
-        along_y = [(face.vertex(corner), dx, dy, 0, block) for corner, (dx, dy) in enumerate(OFFSETS)]
-        along_y += [(face.side(2 + dy), 0, dy, face.vertex_block, block) for dy in (0, 1)]
-        along_x = [(face.side(dx), dx, 0, self.edge, face.side_block) for dx in (0, 1)]
+        between = self.edge + self.rows * self.count * face.side_block  # where the edges between rows begin
+        lines = [(row + dy) % self.rows for dy in (0, 1)]
+        edges = [between + (line - 1) * self.edge if line else 0 for line in lines]
+        along_y = [(face.vertex(corner), dx, dy, edges[dy], block) for corner, (dx, dy) in enumerate(OFFSETS)]
+        along_y += [(face.side(2 + dy), 0, dy, edges[dy] + face.vertex_block, block) for dy in (0, 1)]
+        inner = self.edge + row * self.count * face.side_block
+        along_x = [(face.side(dx), dx, 0, inner, face.side_block) for dx in (0, 1)]
         for dofs, dx, dy, first, step in along_y + along_x:
             periods, place = divmod(index + dx - dy * self.shift, self.count)
             self.column[start + dofs] = first + place * step + np.arange(len(dofs))
-            self.offset[start + dofs] = periods, dy
+            self.offset[start + dofs] = periods, (row + dy) // self.rows
 
     @property
     def dof(self) -> int:

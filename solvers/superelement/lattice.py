@@ -214,19 +214,20 @@ class ReducedLattice:
 
 
 class Periodic:
-    """Reduced cells of one height and width side by side, repeated by a1 and a2."""
+    """Reduced cells of one height and width side by side in one or several rows, repeated by a1 and a2."""
 
-    def __init__(self, cells: Sequence[Cell], shift: int = 0) -> None:
-        self.cells, self.shift, first = tuple(cells), shift, cells[0]
-        self.ties = Ties(first.interface, [len(cell.fixed_hz) for cell in cells], shift)
+    def __init__(self, cells: Sequence[Cell], shift: int = 0, rows: int = 1) -> None:
+        self.cells, self.shift, self.rows, first = tuple(cells), shift, rows, cells[0]
+        self.ties = Ties(first.interface, [len(cell.fixed_hz) for cell in cells], shift, rows)
         self.dof, self.scale = self.ties.dof, first.scale
         width, height = first.size_m[:2]
-        self.lattice = Lattice((len(cells) * width, 0.0), (shift * width, height))
+        self.lattice = Lattice((len(cells) // rows * width, 0.0), (rows * shift * width, rows * height))
 
     @property
     def middles_m(self) -> FloatArray:
         """Positions of the cells' middles along x from the first one's, (cells,), m."""
-        return np.asarray(self.lattice.a1_m[0] / len(self.cells) * np.arange(len(self.cells)))
+        row, place = np.divmod(np.arange(len(self.cells)), self.ties.count)
+        return np.asarray(self.cells[0].size_m[0] * (place + self.shift * row))
 
     def parts(self, dofs: ComplexArray) -> list[tuple[Cell, ComplexArray]]:
         """Each cell with its own of the cells' degrees of freedom (dof, n)."""
@@ -269,13 +270,28 @@ class BlochPlate:
         phase = np.exp(1j * ties.offset @ (self.periodic.lattice.phases(self.wavevector)))
         bounds = ties.starts[1:-1]
         own = zip(cells, self.periodic.middles_m, np.split(ties.column, bounds), np.split(phase, bounds), strict=True)
-        return [PlacedCell(cell, (float(x), 0.0), column, turn, 1) for cell, x, column, turn in own]
+        height, row = cells[0].size_m[1], ties.count
+        return [
+            PlacedCell(cell, (float(x), place // row * height), column, turn, 1)
+            for place, (cell, x, column, turn) in enumerate(own)
+        ]
 
     @cached_property
     def matrices(self) -> tuple[ComplexArray, ComplexArray]:
         """Hermitian K and M, (dof, dof) each."""
-        transform = self.periodic.ties.closed(self.periodic.lattice.phases(self.wavevector))
-        return self.periodic.reduced(transform, "stiffness"), self.periodic.reduced(transform, "mass")
+        if self.periodic.rows == 1:
+            transform = self.periodic.ties.closed(self.periodic.lattice.phases(self.wavevector))
+            return self.periodic.reduced(transform, "stiffness"), self.periodic.reduced(transform, "mass")
+        return self._summed("stiffness"), self._summed("mass")
+
+    def _summed(self, name: str) -> ComplexArray:
+        """Sum of the cells' matrices, entry by entry: of many cells, most of a transformation is zero."""
+        out = np.zeros((self.dof, self.dof), dtype=complex)
+        for placed in self.placed_cells:
+            phase = placed.coefficient
+            entries = phase.conj()[:, None] * getattr(placed.cell, name) * phase
+            np.add.at(out, np.ix_(placed.dofs, placed.dofs), entries)
+        return out
 
     def pencil(self) -> PlainPencil:
         """Hermitian K and M, (dof, dof) each."""
@@ -295,6 +311,23 @@ class BlochPlate:
             still |= _translates(moved, mass, waves)
         return self.periodic.scale.frequency(np.where(still, 0.0, values)), waves
 
+    def softened(self, count: int) -> FloatArray:
+        """The `count` lowest frequencies, Hz, coupled once more by the discarded modes, as `ReducedLattice.waves` does."""
+        stiffness, mass = self.matrices
+        size = min(len(self.periodic.cells) * (count + SPARE + 2), self.dof)
+        with one_thread():
+            values, waves = eigh(stiffness, mass, subset_by_index=[0, size - 1])
+        rounding = ROUNDING * np.abs(stiffness).max() / np.abs(mass).max()
+        if len(values) < self.dof:
+            values = values[: max(degenerate(values, rounding)[-1].start, count)]
+        waves, flexibility = waves[:, : len(values)], np.zeros((len(values), len(values)), dtype=complex)
+        for placed in self.placed_cells:
+            u = self.cell_vectors(placed, waves)[: placed.cell.interface.count]
+            flexibility += u.conj().T @ times(placed.cell.dropped, u)
+        lowest = min((cell.residual for cell in self.cells), key=lambda modes: modes.edge)
+        coupled = lowest.coupled(np.where(np.abs(values) < rounding, 0.0, values), flexibility)[0]
+        return self.periodic.scale.frequency(np.where(np.abs(coupled) < rounding, 0.0, coupled)[:count])
+
     def cell_vectors(self, placed_cell: PlacedCell, vectors: ComplexArray) -> ComplexArray:
         """A cell's degrees of freedom (cell dof, k) from the free ones (dof, k)."""
         return np.asarray(placed_cell.coefficient[:, None] * vectors[placed_cell.dofs])
@@ -302,7 +335,7 @@ class BlochPlate:
     def widened(self) -> BlochPlate:
         """Return the plate with the cells' further boundary functions."""
         cells = [with_further(cell) for cell in self.periodic.cells]
-        return replace(self, periodic=Periodic(cells, self.periodic.shift))
+        return replace(self, periodic=Periodic(cells, self.periodic.shift, self.periodic.rows))
 
 
 def _in_phase(phases: FloatArray | ComplexArray) -> bool:

@@ -20,6 +20,7 @@ GOOD = {
     "modes": 'mode: float | None = plate.modes((30.0, 34.0), "zone", count=3, symmetry="SS")[0].mac',
     "mesh_modes": 'rigid: int = plate.mesh_modes("block.inp", unit="mm", clamp=("FOOT",)).rigid_count',
     "bands": "edges: list[float] = [gap.lower_hz for gap in plate.bands(progress=False).gaps]",
+    "supercell_bands": 'wide: int = len(plate.supercell_bands("3x1").gaps)',
     "mesh_bands": 'shape: tuple[int, ...] = plate.mesh_bands(("cell.msh",), unit="mm").frequencies_hz.shape',
     "attenuation": "decay: float | None = plate.attenuation((30.0, 34.0), kx_per_m=204.0).points[0].db_per_row",
     "broadband": "width: float = plate.broadband(points=3).stopped_width_hz",

@@ -17,13 +17,13 @@ from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, split_hexahedra
-from geometry.periodic import periodic_nodes
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.questions.bands import BandsResult, MeshBands
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.question import Run, ask
+from solvers.waves.bloch import periodic_nodes
 from tests.helpers.asked import bands_of
 from tests.helpers.other_cell import other_bands
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometry import periodic
 from geometry.errors import MeshError
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.lattice import Lattice, PathSegment
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
-from geometry.periodic import periodic_nodes
 from solvers.fem.assembly import assemble
-from solvers.waves.bloch import BlochCell
+from solvers.waves import bloch
+from solvers.waves.bloch import BlochCell, periodic_nodes
 from solvers.waves.gaps import Gap, complete_gaps
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -76,7 +75,7 @@ def test_every_node_beyond_the_cell_follows_its_partner_one_pitch_back() -> None
 
 def test_small_and_large_meshes_are_paired_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     directly = periodic_nodes(cell(), Lattice.of_rows(*PITCH))
-    monkeypatch.setattr(periodic, "PAIRS", 0)
+    monkeypatch.setattr(bloch, "PAIRS", 0)
     by_tree = periodic_nodes(cell(), Lattice.of_rows(*PITCH))
     assert (directly.master == by_tree.master).all()
 

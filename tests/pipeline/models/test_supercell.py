@@ -1,0 +1,131 @@
+"""Supercells: folded bands, a missing pillar against an independent finite-element cell, and what [[defect]] may say."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from geometry.hex.boxes import Boxes, hex_mesh
+from geometry.lattice import Lattice
+from geometry.materials import MATERIALS
+from geometry.mesh import Mesh
+from pipeline.case.model import Case, case_from_dict
+from pipeline.errors import InputError
+from pipeline.logs import TerminalLog
+from pipeline.questions.attenuation import Attenuation
+from pipeline.questions.bands import Bands, BandsResult, MeshBands, SupercellBands
+from pipeline.questions.question import Run, ask
+from tests.helpers.asked import bands_of
+from tests.helpers.other_cell import other_bands
+
+LOG = TerminalLog(True)
+RAW: dict[str, Any] = {
+    "name": "super",
+    "material": "aluminium",
+    "plate": {"thickness_mm": 1.0},
+    "pillar": {"side_mm": 2.0, "height_mm": 4.0},
+    "array": {"pitch_mm": 4.0, "rows": 1},
+    "bands": {"points": 2, "count": 8},
+    "solve": {"accuracy": 0.02},
+}
+SAME = 1e-6  # of a frequency: what the waves beyond those that the discarded modes couple change
+STILL_HZ = 1.0
+
+
+def case(**own: Any) -> Case:
+    return case_from_dict(RAW | own)
+
+
+def bands(scene: Case, size: str) -> BandsResult:
+    return ask(scene, SupercellBands(supercell=size), Run(LOG))
+
+
+def by_place(result: BandsResult) -> dict[tuple[int, int], Any]:
+    return {tuple(np.rint([point.kx_per_m, point.ky_per_m]).astype(int)): point for point in result.points}
+
+
+@pytest.mark.parametrize("size", ["2x1", "1x2", "2x2"])
+def test_bands_of_a_supercell_are_those_of_its_cell_folded(size: str) -> None:
+    cells = np.array([int(each) for each in size.split("x")])
+    own, turn = bands_of(case(bands={"points": 2, "count": 8, "path": "GXMYG"}), LOG), 2.0 * np.pi / 4e-3
+    folded, found = by_place(own), by_place(bands(case(), size))
+    zone = np.array([(i, j) for i in range(cells[0]) for j in range(cells[1])]) * turn / cells
+    compared = 0
+    for place, point in found.items():
+        images = [np.abs((np.array(place) + step + turn / 2.0) % turn - turn / 2.0) for step in zone]
+        parts = [folded.get(tuple(np.rint(each).astype(int))) for each in images]
+        if None not in parts:
+            expected = sorted(hz for part in parts for hz in part.frequencies_hz)
+            known = sum(hz < min(part.frequencies_hz[-1] for part in parts) for hz in expected)
+            known = min(known, len(point.frequencies_hz))
+            assert point.frequencies_hz[:known] == pytest.approx(expected[:known], rel=SAME, abs=STILL_HZ)
+            compared += known
+    assert compared >= 8
+
+
+def three(finer: int) -> Mesh:
+    """Three cells in a row with pillars on the outer two."""
+    x, y = (4e-3 * np.linspace(0.0, n, 4 * n * finer + 1) for n in (3, 1))
+    z = 1e-3 * np.linspace(0.0, 5.0, 5 * finer + 1)
+    mx, my, mz = np.meshgrid(*((line[:-1] + line[1:]) / 2.0 for line in (x, y, z)), indexing="ij")
+    foot = (np.abs(mx % 4e-3 - 2e-3) < 1e-3) & (np.abs(my - 2e-3) < 1e-3) & (np.abs(mx - 6e-3) > 2e-3)
+    return hex_mesh(Boxes(x, y, z, np.where((mz < 1e-3) | foot, 0, -1), ("plate",)), 2)
+
+
+@pytest.mark.slow
+def test_a_missing_pillar_against_an_independent_finite_element_cell() -> None:
+    """Both of its meshes lie above the exact frequencies, by at most their difference; general wavevectors."""
+    scene = case(defect=[{"at": [1, 0], "remove": True}], bands={"points": 2, "count": 8, "path": "GM"})
+    found, lattice = bands(scene, "3x1"), Lattice((12e-3, 0.0), (0.0, 4e-3))
+    for point in found.points[1:]:
+        k = np.array([point.kx_per_m, point.ky_per_m])
+        coarse, fine = (other_bands(three(finer), lattice, k, 8, {"plate": MATERIALS["aluminium"]}) for finer in (1, 2))
+        for hz, bar, one, two in zip(point.frequencies_hz, point.error, coarse, fine, strict=True):
+            assert bar is not None and two - (one - two) - bar * hz <= hz <= two + bar * hz
+
+
+def test_a_missing_pillar_moves_the_folded_bands() -> None:
+    scene = case(bands={"points": 1, "count": 6, "path": "GM"})
+    whole, lacking = bands(scene, "2x1"), bands(scene.but({"defect": [{"at": [1, 0], "remove": True}]}), "2x1")
+    again = bands(scene.but({"defect": [{"at": [0, 0], "remove": True}]}), "2x1")
+    same = bands(scene.but({"defect": [{"at": [0, 0], "height_mm": 4.0}]}), "2x1")
+    assert np.abs(lacking.frequencies_hz[1] / whole.frequencies_hz[1] - 1.0).max() > 0.01
+    assert again.frequencies_hz[1] == pytest.approx(lacking.frequencies_hz[1], rel=1e-9)
+    assert same.frequencies_hz[1] == pytest.approx(whole.frequencies_hz[1], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("defect", "words"),
+    [
+        (
+            [{"at": [3, 0], "remove": True}],
+            r"defect.0.at = \[3, 0\]: must be a cell of the supercell 3x1, from \[0, 0\] to",
+        ),
+        ([{"at": [1, 0]}], "defect.0: missing, must have remove = true or keys of"),
+        ([{"at": [1, 0], "remove": True, "height_mm": 3.0}], "must have remove = true alone"),
+        ([{"remove": True}], "defect.0.at: missing"),
+        (
+            [{"at": [1, 0], "hieght_mm": 3.0}],
+            r"defect.0.hieght_mm = 3: unknown key \(did you mean defect.0.height_mm\?\)",
+        ),
+        ([{"at": [1, 0], "side_mm": 5.0}], "pillars overlap"),
+        ([{"at": [1, 0], "height_mm": 1e9}], "defect.0.height_mm = 1000000000: must be"),
+        ([{"at": [1, 0], "remove": True}] * 2, "defect.1.at = .*: is the cell of defect.0, too"),
+        ({"at": [1, 0]}, "must be one to 100 tables"),
+    ],
+)
+def test_faults_of_a_defect_are_named(defect: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        bands(case(defect=defect), "3x1")
+
+
+def test_other_commands_refuse_what_they_cannot_honour() -> None:
+    scene = case(defect=[{"at": [1, 0], "remove": True}])
+    for question in (Bands(), Attenuation(), MeshBands(mesh_file=("cell.msh",))):
+        with pytest.raises(InputError, match=r"\[\[defect\]\]: .* cannot honour it: it is for cells of a supercell"):
+            ask(scene, question, Run(LOG))
+    for size in ("3", "0x1", "3x", "x"):
+        with pytest.raises(InputError, match="must be two numbers of cells from 1 to 99, such as 3x1"):
+            bands(case(), size)
