@@ -670,7 +670,7 @@ class Design:
 # -- patches -----------------------------------------------------------------------------------------------------------
 # Where the piezo patches stand on the plate: boxes only, no CAD.
 
-SAME_M = 1e-9  # places that agree to a nanometre are the same
+SAME_M = 1e-12  # places that agree to a picometre are the same
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ class Panel:
 
 Signature = tuple[float | str | Pillar, ...]
 NARROW = 0.2  # of a pitch: a narrower strip between two pillars' panels is shared by both
-DIGITS = 9  # of a length in m: panels that agree to a nanometre are the same
+DIGITS = 12  # of a length in m: panels that agree to a picometre are the same
 
 
 @dataclass(frozen=True)
@@ -343,7 +343,7 @@ def _cuts(design: Design) -> FloatArray:
 
 def _distinct(places_m: Iterable[float]) -> FloatArray:
     """Places in ascending order, each once, not rounded: a square panel stays one; numpy.unique would load masked arrays."""
-    return np.array(sorted({round(float(place), DIGITS + 3) + 0.0: float(place) + 0.0 for place in places_m}.values()))
+    return np.array(sorted({round(float(place), DIGITS) + 0.0: float(place) + 0.0 for place in places_m}.values()))
 
 
 def _lines_about(centres: FloatArray, pitch: float, end: float, longest: float) -> FloatArray:

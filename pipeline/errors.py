@@ -48,7 +48,7 @@ class InputError(CommandError):
     ...     antinode.load("examples/small.toml", pitch_mm=-4.0)
     ... except antinode.InputError as fault:
     ...     print(fault.lines[0].partition(": ")[2])
-    array.pitch_mm = -4: must be a finite number above 0, from 0.001 to 10000
+    array.pitch_mm = -4: must be a finite number above 0, from 1e-06 to 1e+07
     """
 
     exit_code = 2

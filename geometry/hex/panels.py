@@ -32,7 +32,7 @@ ROOM = 0.6  # of half a foot's width: plate beyond the rim that the block fills 
 SLIVER = 0.2  # of the same: a strip beyond the block that is narrower belongs to it
 CLEAR = 0.02  # of the foot's reach: plate that must lie between rim and side for elements to fill it
 
-FLUSH_M = 1e-9
+FLUSH_M = 1e-12
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from math import inf, nan, sqrt
 from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
-from pipeline.quantity import KHZ, MS, US, figure
+from pipeline.quantity import KHZ, MM, MS, US, figure
 
 if TYPE_CHECKING:
     from geometry.layout import Design
@@ -15,10 +15,12 @@ if TYPE_CHECKING:
     from pipeline.logs import Log
 
 Range = tuple[float, float]
-LENGTH_MM: Range = (1e-3, 1e4)
+LENGTH_MM: Range = (1e-6, 1e7)
+"""From a nanometre: places closer than a picometre count as one. Elasticity has no length of its own."""
+USUAL_MM: Range = (1e-3, 1e4)
 """Below a micrometre, a grain of metal, a solid is not homogeneous; beyond ten metres nothing is a touch plate."""
-DEVIATION_MM: Range = (1e-6, 1e4)
-"""A standard deviation of a nanometre is smaller than any surface measurement resolves."""
+DEVIATION_MM: Range = (1e-9, 1e7)
+"""A thousandth of the shortest length."""
 YOUNG_GPA: Range = (1e-9, 2000.0)
 """From 1 Pa, softer than any gel that keeps its shape, to more than diamond (about 1200 GPa)."""
 DENSITY_KG_M3: Range = (1.0, 1e5)
@@ -37,8 +39,8 @@ EXPANSION_PER_K: Range = (-1e-3, 1e-3)
 """Silicones reach 3e-4 per kelvin."""
 TEMPERATURE_C: Range = (-273.15, 3000.0)
 ANGLE_DEG: Range = (-360.0, 360.0)
-FREQUENCY_KHZ: Range = (1e-6, 1e6)
-"""A millihertz is quasi-static; at a gigahertz the wavelength in a metal, some micrometres, is that of its grains."""
+FREQUENCY_KHZ: Range = (1e-9, 1e10)
+"""Of bodies from a nanometre to ten kilometres."""
 ACCURACY: Range = (1e-6, 0.1)
 """Relative round-off error of a thin plate's frequency, which no mesh improves."""
 QUALITY: Range = (0.5, 1e12)
@@ -51,7 +53,7 @@ FORCE_N: Range = (1e-3, 100.0)
 """From a barely perceptible contact to more than a hand can press."""
 GAP_UM: Range = (0.7, 100.0)
 """From ten mean free paths in air, below which a film is not a continuum, to more than any squeeze film of a finger."""
-MAX_WAVENUMBER = 3e6
+MAX_WAVENUMBER = 3e9
 """rad/m: pi over the shortest length of a case."""
 MAX_NODAL_LINES = 1000
 """Nodal lines of the target mode along its zone."""
@@ -106,9 +108,25 @@ def doubts(design: Design) -> list[str]:
 
 
 def warn_of_doubts(design: Design, log: Log) -> None:
-    """Log a warning for each implausible material, when a case is read for a computation."""
+    """Log a warning for each implausible material and for an unusual size, when a case is read for a computation."""
     for doubt in doubts(design):
         log.warning("MATERIAL", doubt)
+    if size := unusual_size(design):
+        log.warning("SIZE", size)
+
+
+def unusual_size(design: Design) -> str | None:
+    """Return a warning if a length of a design is unreasonable for a touch plate, else None."""
+    pillars = [length for pillar in design.kinds for length in (pillar.base_m, pillar.tip_m, pillar.height_m)]
+    whole = [design.length_m, design.width_m, design.thickness_m, design.pitch_x_m, design.pitch_y_m]
+    known = [length / MM for length in (*whole, *pillars) if length > 0.0]  # not those that are not given
+    odd = [length for length in known if not USUAL_MM[0] <= length <= USUAL_MM[1]]
+    if not odd:
+        return None
+    why = (
+        "a solid is not homogeneous at the size of its grains" if min(odd) < USUAL_MM[0] else "nothing is a touch plate"
+    )
+    return f"a length is {figure(odd[0])} mm, not {span(USUAL_MM)}: {why} there; check the units (mm)"
 
 
 def short_wave(design: Design) -> str | None:

@@ -190,7 +190,8 @@ def _side_nodes(mesh: Mesh, panel: Panel) -> int:
     """Nodes along the side that has fewest of them, those beyond a mirror included."""
     counts = []
     for axis, side in ((1, "x+"), (0, "y+")):
-        along = len(np.unique(np.round(mesh.nodes[mesh.nodes_of(side), axis], 9)))
+        places = mesh.nodes[mesh.nodes_of(side), axis]
+        along = len(np.unique(np.round(places / np.ptp(places), 9)))
         counts.append(2 * along - 1 if axis in panel.halved else along)
     return min(counts)
 

@@ -255,7 +255,7 @@ def _nodes(design: Design) -> FloatArray:
     half = design.half_span_m
     borders = np.add.outer(design.zone_centres_m, [-design.width_m / 2.0, design.width_m / 2.0])
     ends = [0.0, design.width_m / 2.0, half] if design.zones == 1 else [-half, *borders.ravel(), half]
-    fixed = np.unique(np.round([*ends, *(y for _, y in _rows(design))], 9))
+    fixed = np.unique(np.round([*ends, *(y for _, y in _rows(design))], 12))
     longest = design.width_m / PER_WIDTH
     panels = [np.linspace(a, b, ceil((b - a) / longest) + 1)[1:] for a, b in pairwise(fixed)]
     return np.concatenate([fixed[:1], *panels])

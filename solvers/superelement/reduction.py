@@ -83,7 +83,7 @@ def _enough_nodes(system: System, interface: Interface) -> None:
     """Raise SolverError if the mesh has fewer nodes through the plate than the boundary functions need."""
     mesh = system.mesh
     side = mesh.nodes[mesh.nodes_of("x+")]
-    through = len(np.unique(np.round(side[:, 2], 9)))
+    through = len(np.unique(np.round(side[:, 2] / np.ptp(side[:, 2]), 9)))
     if mesh.kind == "hex" and through < interface.layers:
         raise SolverError(
             f"degree {interface.through} through the thickness needs {interface.layers} nodes, the mesh has {through}: "

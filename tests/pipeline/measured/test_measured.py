@@ -169,7 +169,7 @@ HIGH = "frequency_MHz,amplitude,phase_deg\n" + rows(np.multiply(TONES, 1e6), np.
         (UNDRIVEN, "every value is 0, must hold a measurement"),
         (LOUD, "line 2, column amplitude = "),
         (DEAFENING, "must be from -600 to 600 dB"),
-        (HIGH, "must be from 1e-06 to 1e+06 kHz"),
+        (HIGH, "must be from 1e-09 to 1e+10 kHz"),
         ("frequency_Hz,real,imag\n1,2," + "9" * 131_073 + "\n", "is not valid CSV"),
     ],
     ids=["silent", "loud", "decibels", "frequency", "cell"],
