@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, pairwise
@@ -20,6 +20,7 @@ MIRRORS = {
     "h": np.array([[-HALF, SLOPE], [SLOPE, HALF]]),  # about the line at 60 degrees from x
 }
 SAME = 1e-9  # of a reciprocal vector, or of a turn: wavevectors nearer to each other are one
+FURTHEST = 10  # multiples of each lattice vector among which one along x is looked for
 NEAREST = 2  # multiples of each reciprocal vector whose bisectors may bound the zone
 LABELS = re.compile("[A-Z][0-9]?")
 KNOWN = ("G", "X", "X1", "M", "S", "Y", "Y1", "K", "K1", "M1")  # of every lattice
@@ -68,6 +69,40 @@ class Path:
             vectors += [start + share * (end - start), end[None]]
             labels += [None] * (factor - 1) + [label]
         return Path(np.concatenate(vectors), tuple(labels))
+
+
+def rows_along_x(a1: Sequence[float], a2: Sequence[float]) -> tuple[float, float, bool] | None:
+    """Find the rows along x of the lattice of two vectors.
+
+    Parameters
+    ----------
+    a1, a2 : sequence of float
+        Vectors (x, y) in any unit.
+
+    Returns
+    -------
+    tuple or None
+        Pitch along a row, distance of rows, and whether they are shifted by half a pitch; None for parallel vectors, without
+        a lattice vector along x, and for rows shifted otherwise.
+    """
+    vectors = np.array([a1, a2], dtype=float)
+    (ax, ay), (bx, by) = vectors.tolist()
+    size, area = float(np.linalg.norm(vectors, axis=1).max()), abs(ax * by - bx * ay)
+    if area <= SAME * size**2:
+        return None
+    steps = range(-FURTHEST, FURTHEST + 1)
+    points = np.array([(i, j) for i in steps for j in steps]) @ vectors
+    level = np.abs(points[:, 1]) <= SAME * size
+    ahead = points[level & (points[:, 0] > SAME * size), 0]
+    if not len(ahead):
+        return None
+    pitch = float(ahead.min())
+    distance = area / pitch
+    next_row = points[np.abs(points[:, 1] - distance) <= SAME * size * FURTHEST, 0]
+    shift = float(next_row[0] / pitch % 1.0) if len(next_row) else 0.25
+    if min(shift, 1.0 - shift) <= SAME * FURTHEST * size / pitch:
+        return pitch, distance, False
+    return (pitch, distance, True) if abs(shift - HALF) <= SAME * FURTHEST * size / pitch else None
 
 
 def labels_of(path: str) -> tuple[str, ...]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import combinations, pairwise
+from math import hypot
 from typing import Any
 
-from geometry.lattice import SLOPE, labels_of
+from geometry.lattice import SAME, SLOPE, labels_of, rows_along_x
 from geometry.layout import PLAIN
 from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline.case import limits
@@ -14,6 +15,7 @@ from pipeline.case.schema import SIZE_KEYS, Tables
 from pipeline.errors import InputError
 from pipeline.quantity import MM
 
+VECTORS = ("a1_mm", "a2_mm")
 PITCHES = ("pitch_mm", "pitch_x_mm", "pitch_y_mm")
 Diagnostic = tuple[str, Any, str]  # key, value, message
 THINNEST = 5000.0
@@ -74,8 +76,37 @@ def check_fillet(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]
         yield "pillar.fillet_mm", fillet, f"must be smaller than the pillar's height {height:g} mm"
 
 
+def _of_vectors(file: Tables) -> Iterator[Diagnostic]:
+    """Set pitches and shift of the rows along x of a lattice that its vectors give; report other lattices."""
+    vectors = [getattr(file.array, name) for name in VECTORS]
+    given = [name for name, vector in zip(VECTORS, vectors, strict=True) if vector is not None]
+    if {f"array.{name}" for name in VECTORS} & file.faulty:
+        return
+    if len(given) < len(VECTORS):
+        (lacking,) = {*VECTORS} - {*given}
+        yield f"array.{lacking}", None, f"must accompany {given[0]}"
+        return
+    for name in (*PITCHES, "pitches_y_mm", "lattice", "stagger"):
+        if value := getattr(file.array, name):
+            yield f"array.{name}", value, "cannot be combined with a1_mm and a2_mm, which give the lattice: remove it"
+            return
+    rows = rows_along_x(*vectors)
+    if rows is None:
+        (x1, y1), (x2, y2) = vectors
+        parallel = abs(x1 * y2 - x2 * y1) <= SAME * hypot(x1, y1) * hypot(x2, y2)
+        along = "must give rows along x that are in line or shifted by half a pitch: other lattices are not computed"
+        yield "array.a2_mm", vectors[1], f"parallel to a1_mm = {vectors[0]}: must not be" if parallel else along
+        return
+    pitch, distance, is_shifted = rows
+    file.set({"array.pitch_x_mm": pitch, "array.pitch_y_mm": distance, "array.stagger": is_shifted})
+    file.pitches_given = PITCHES[1:]
+
+
 def normalise_pitch(file: Tables) -> Iterator[Diagnostic]:
-    """Set one pitch along x and one along y from either pitch_mm or both of its parts."""
+    """Set one pitch along x and one along y from either pitch_mm or both of its parts, or from lattice vectors."""
+    if any(getattr(file.array, name) is not None or f"array.{name}" in file.faulty for name in VECTORS):
+        yield from _of_vectors(file)
+        return
     known = {name: getattr(file.array, name) for name in PITCHES if file.knows("array", name)}
     given = [name for name, pitch in known.items() if pitch is not None]
     if "pitch_mm" in given and len(given) > 1:

@@ -88,7 +88,7 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
     **{other: (key,) for key, others in UNIFORM_ROW_KEYS.items() for other in others},
 }
 
-ALTERNATIVES["array.pitch_mm"] += (PITCHES,)
+ALTERNATIVES["array.pitch_mm"] += (PITCHES, "array.a1_mm", "array.a2_mm")
 MAX_BYTES = 200_000  # of a case file: the largest number of patches takes half
 DEEPEST = 8  # nesting of tables and lists; a case has four levels
 TOO_DEEP = f"tables or lists nested deeper than the limit of {DEEPEST}"
@@ -874,6 +874,8 @@ def _given(raw: dict[str, Any]) -> frozenset[str]:
         keys.add("pillar.height_mm")
     if keys & {*UNIFORM_ROW_KEYS}:
         keys.add("array.rows")
+    if {"array.a1_mm", "array.a2_mm"} <= keys:
+        keys |= {"array.pitch_mm"}
     if "array.pitch_x_mm" in keys and keys & {"array.pitch_y_mm", PITCHES}:
         keys.add("array.pitch_mm")
     return frozenset(keys)

@@ -44,6 +44,7 @@ SECTIONS_ALLOWED = (
 )
 GLUE_ALLOWED = "a table {material, thickness_mm} of the layer between patches and plate"
 DEFECTS_ALLOWED = "tables [[defect]] of at = [i, j], a cell of the supercell, and remove = true or keys of [pillar]"
+VECTOR_ALLOWED = "two numbers [x, y], a lattice vector"
 LAYERS_ALLOWED = "tables [[plate.layer]] of material and thickness_mm, from the touch face to the back"
 FROM_CENTRE = "from the plate's centre"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
@@ -194,6 +195,8 @@ class ArrayTable(Table):
     lattice: Literal["square", "rectangular", "staggered", "triangular"] | None = Field(
         default=None, description="square, rectangular, staggered or triangular"
     )
+    a1_mm: Place | None = Field(default=None, description=VECTOR_ALLOWED)
+    a2_mm: Place | None = Field(default=None, description=VECTOR_ALLOWED)
     extension_mm: Length = 0.0
     surround: bool = Field(default=False, description="true or false")
 
@@ -472,8 +475,8 @@ class Section(TypedDict, total=False):
 class Array(TypedDict, total=False):
     """Rows of pillars on each side of the zone at pitch_mm (or pitch_x_mm, pitch_y_mm), and the margin extension_mm.
 
-    Rows that differ are given by lists from the zone outwards: heights_mm, sides_mm, pitches_y_mm. stagger shifts every
-    other row by half a pitch.
+    a1_mm and a2_mm give the lattice by its vectors. Rows that differ are given by lists from the zone outwards: heights_mm,
+    sides_mm, pitches_y_mm. stagger shifts every other row by half a pitch.
 
     >>> from antinode import Array
     >>> Array(pitch_mm=4.0, rows=3, extension_mm=25.0)["rows"]
@@ -489,6 +492,8 @@ class Array(TypedDict, total=False):
     pitches_y_mm: Numbers
     stagger: bool
     lattice: Literal["square", "rectangular", "staggered", "triangular"]
+    a1_mm: Numbers
+    a2_mm: Numbers
     extension_mm: float
 
 
