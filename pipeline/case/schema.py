@@ -703,7 +703,7 @@ def known_keys() -> list[str]:
     owners = [f"{owner}.material".lstrip(".") for owner in MATERIAL_OWNERS]
     constants = [*MaterialTable.model_fields]
     constants += [f"cubic_GPa.{key}" for key in CubicTable.model_fields] + [f"orthotropic.{key}" for key in NINE]
-    keys = ["name", *owners, *(f"{owner}.{key}" for owner in owners for key in constants)]
+    keys = ["name", "defect", *owners, *(f"{owner}.{key}" for owner in owners for key in constants)]
     keys += [f"{name}.0.{key}" for name, model in LISTS.items() for key in ("material", *model.model_fields)]
     keys += ["patches.glue.material", "patches.glue.thickness_mm"]
     keys += [f"touch.impedance.{key}" for key in FingertipTable.model_fields]
