@@ -106,6 +106,9 @@ def test_what_a_map_does_not_cover_is_told() -> None:
     assert upper.active == pytest.approx(1.0, rel=1e-5) and upper.passive == pytest.approx(
         0.5 + 0.25e-3 * 2 / 24e-3, abs=1e-3
     )
+    for part, whole in ((right, weights), (points[points[:, 1] > -10.5e-3], upper)):
+        mirrored = weigh(-part, DESIGN)  # what is not covered lies on the other side
+        assert (mirrored.active, mirrored.passive) == pytest.approx((whole.active, whole.passive), rel=1e-9)
     with pytest.raises(SolverError, match="active touch face"):
         weigh(points[np.abs(points[:, 1]) > 12e-3], DESIGN)
 
