@@ -30,12 +30,12 @@ def superelement(figure: Any) -> None:
             _cell(axes[1], x, y)
     axes[1].annotate("", (4.4, 2.0), (3.6, 2.0), arrowprops={"arrowstyle": "->", "color": style.VERMILION})
     axes[1].text(4.5, 2.0, r"$e^{-\mathrm{i}k_xa}$", color=style.VERMILION, va="center")
-    axes[1].set_title("infinite array: phases between sides")
+    axes[1].set_title("infinite array: a phase")
     for x in range(6):
         axes[2].add_patch(Rectangle((x, 2), 1, 2, facecolor=style.GREEN, alpha=0.25, edgecolor=style.GREY))
         for y in (0, 1, 4, 5):
             _cell(axes[2], x, y)
-    axes[2].set_title("finite plate: cells share sides")
+    axes[2].set_title("plate: shared sides")
     for each, size in zip(axes, (1.0, 5.3, 6.0), strict=True):
         each.set(xlim=(-0.1 * size, 1.1 * size), ylim=(-0.1 * size, 1.1 * size), aspect="equal")
         each.axis("off")

@@ -40,7 +40,12 @@ def pages(source: Path, with_pictures: bool = True) -> None:
         with (source / name).open("a", encoding="utf-8") as page:
             page.write(f"\n{text}\n")
     if with_pictures:
-        shutil.copytree(WORK / "pictures", source / "pictures" / "gallery", ignore=shutil.ignore_patterns("*.json"))
+        shutil.copytree(
+            WORK / "pictures",
+            source / "pictures" / "gallery",
+            ignore=shutil.ignore_patterns("*.json"),
+            dirs_exist_ok=True,
+        )
 
 
 def build(source: Path, target: Path) -> list[str]:

@@ -58,14 +58,13 @@ def test_every_page_is_in_the_tables_of_contents() -> None:
     assert {page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES} == listed()
 
 
-def test_every_relative_link_leads_to_a_page_or_a_picture_that_the_build_makes(site: dict[str, ModuleType]) -> None:
-    pictures = site["pictures"]
-    made = {DOCS / "pictures" / "gallery" / each.file for each in [*pictures.examples(), *pictures.figure_examples()]}
+def test_every_relative_link_leads_somewhere_in_the_repository_and_no_page_waits_for_the_build() -> None:
+    assert not [page.name for page in PAGES if "completes this page" in page.read_text()]
     wrong = [
         f"{page.relative_to(DOCS)}: {link}"
         for page in PAGES
         for link in LINK.findall(page.read_text())
-        if not (page.parent / link).exists() and (page.parent / link).resolve() not in made
+        if not (page.parent / link).exists()
     ]
     assert not wrong
 
@@ -157,7 +156,7 @@ def test_the_site_has_no_dead_link_and_no_public_name_without_its_words(
     monkeypatch.setattr(build, "WORK", tmp_path)
     build.pages(tmp_path / "source", with_pictures=False)
     gallery = tmp_path / "source" / "pictures" / "gallery"
-    gallery.mkdir(parents=True)
+    gallery.mkdir(parents=True, exist_ok=True)
     for each in [*pictures.examples(), *pictures.figure_examples()]:
         (gallery / each.file).touch()
     assert build.build(tmp_path / "source", tmp_path / "site") == []
