@@ -89,25 +89,6 @@ def error_bars(figure: Any) -> None:
     axes.legend()
 
 
-def confinement(figure: Any) -> None:
-    """Rms of u_z along x over the distance from the zone's middle, without rows and with them."""
-    axes = figure.subplots()
-    plate = antinode.load(PLATE, accuracy=0.05)
-    for rows, colour in ((0, style.GREY), (1, style.ORANGE), (3, style.BLUE)):
-        other = plate.with_(rows=rows, extension_mm=20.0 - 4.0 * rows)
-        modes = other.modes(symmetry="SS")
-        target = modes.target
-        at = target.frequency_hz if target and target.frequency_hz else modes[0].frequency_hz
-        mode = min(modes, key=lambda each: abs(each.frequency_hz - at))
-        y, level = _across(mode.to_pyvista())
-        axes.plot(y, level, color=colour, label=f"{rows} rows: {mode.confinement_db:.1f} dB")
-    width = 1e3 * plate.case.design.width_m / 2.0
-    axes.axvspan(-width, width, color=style.GREEN, alpha=0.15)
-    axes.text(0.0, axes.get_ylim()[0], "zone", ha="center", va="bottom", color=style.GREEN)
-    axes.set(xlabel="y (mm)", ylabel="rms of $u_z$ along x, of its largest (dB)")
-    axes.legend()
-
-
 def before_and_after(figure: Any) -> None:
     """The same plate without rows and with three: the touch face in the mode that carries most of the target shape."""
     plate = antinode.load("studies/three-rows.toml", accuracy=0.03)
@@ -129,19 +110,6 @@ def before_and_after(figure: Any) -> None:
         title = f"{words}: {modes[number].confinement_db:.1f} dB at {modes[number].frequency_hz / 1e3:.1f} kHz"
         axes.set(aspect="equal", xlabel="x (mm)", title=title)
     sides[0].set_ylabel("y (mm), the zone between dashes")
-
-
-def _across(surface: Any) -> tuple[Any, Any]:
-    """Middles of bins over y (mm) and the rms of u_z on the touch face in each, dB below the largest."""
-    face = np.abs(surface.points[:, 2]) < 1e-9
-    y, motion = 1e3 * surface.points[face, 1], surface["displacement"][face, 2]
-    edges = np.arange(-np.ceil(y.max()), np.ceil(y.max()) + 1.0, 1.0)
-    which = np.digitize(y, edges)
-    rms = np.array(
-        [np.sqrt(np.mean(motion[which == i] ** 2)) if np.any(which == i) else np.nan for i in range(1, len(edges))]
-    )
-    middles, known = (edges[:-1] + edges[1:]) / 2.0, np.isfinite(rms)
-    return middles[known], 20.0 * np.log10(rms[known] / np.nanmax(rms))
 
 
 def main(name: str, ending: str = "svg") -> None:

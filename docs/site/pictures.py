@@ -21,7 +21,7 @@ from pipeline.records.store import code_hash
 
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[1]
-FIGURES = ("superelement", "superelement-convergence", "error-bars", "confinement")
+FIGURES = ("superelement", "superelement-convergence", "error-bars")
 
 
 @dataclass(frozen=True)

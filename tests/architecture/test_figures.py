@@ -23,7 +23,6 @@ FREE = {  # files, and why digits are fixed there
     "pipeline/report/templates/study.html.j2": "times of this run",
     "pipeline/case/reading.py": "what was given",
     "pipeline/explore/answer.py": "a length that follows from a given one",
-    "pipeline/models/aim.py": "a length that follows from a given frequency",
     "pipeline/explore/page/worker.js": "a length that follows from a given one",
     "pipeline/explore/page/model.js": "keys of tables and limits of what is given",
     "pipeline/explore/page/explore.js": "ticks and places of a drawing",
