@@ -149,7 +149,7 @@ def _wrong(node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
 
 
 def of_folder(root: Path, folder: str) -> list[Fault]:
-    """List every fault that can be planted in a folder.
+    """List every fault that can be planted in a folder, or in a file.
 
     Parameters
     ----------
@@ -163,5 +163,7 @@ def of_folder(root: Path, folder: str) -> list[Fault]:
     list of Fault
         By file.
     """
-    files = sorted(path for path in (root / folder).rglob("*.py") if "build" not in path.relative_to(root).parts)
+    base = root / folder
+    found = [base] if base.is_file() else base.rglob("*.py")
+    files = sorted(path for path in found if "build" not in path.relative_to(root).parts)
     return [fault for path in files for fault in faults(str(path.relative_to(root)), path.read_text(encoding="utf-8"))]

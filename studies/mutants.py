@@ -165,6 +165,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=int(time.time()), help="that draws them; printed")
     parser.add_argument("--seconds", type=float, default=60.0, help="limit of the chosen tests' sum, without a fault")
     given = parser.parse_args(arguments)
+    empty = [name for name in given.folders if not of_folder(ROOT, name)]
+    if empty:
+        parser.error(f"--folders: no source with a fault to plant in {', '.join(empty)}")
     print(f"seed {given.seed}", flush=True)
     score: Counter[tuple[str, str]] = Counter()
     with tempfile.TemporaryDirectory() as temporary:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from studies import mutants
-from studies.faults import faults
+from studies.faults import faults, of_folder
 
 SOURCE = '''\
 LIMIT = 1e-9
@@ -115,3 +115,10 @@ def test_the_command_draws_by_its_seed_and_scores(
         mutants.place("pipeline/case/model.py") == "pipeline/case"
         and mutants.place("solvers/fem/eigen.py") == "solvers"
     )
+
+
+def test_a_file_is_a_folder_of_one_and_no_source_is_refused(checkout: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert of_folder(checkout, "source.py") == list(faults("source.py", SOURCE))
+    with pytest.raises(SystemExit):
+        mutants.main(["--folders", "nowhere"])
+    assert "no source with a fault to plant in nowhere" in capsys.readouterr().err
