@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import nan, pi
+from math import nan, pi, sqrt
 from typing import Any
 
 import numpy as np
 
 from geometry.elements import BoolArray
+from geometry.materials import Material
+from pipeline.case.limits import FREQUENCY_KHZ
 from pipeline.case.model import Case
 from pipeline.logs import Log
+from pipeline.models import own_frequency
 from pipeline.models.answer_parts import AttenuationPoint, Transmission, Wave
 from pipeline.models.bands import sampled_cell
 from pipeline.models.broadband import transmitted_shares, wavevectors
 from pipeline.models.unit_cell import CLEAR, LatticeModel, bare_cell, lattice_model
 from pipeline.planning import refinement
 from pipeline.planning.model_choice import ModelChoice
-from pipeline.quantity import frequency, with_bar
+from pipeline.quantity import KHZ, frequency, several, with_bar
 from pipeline.records.record import MeshRecord
 from solvers.plates.column import level_bars
+from solvers.superelement.cell import ResidualModes
 from solvers.superelement.lattice import Periodic, ReducedLattice
+from solvers.superelement.moduli import Moduli
 from solvers.threads import one_thread
 from solvers.waves.branches import label_of
 from solvers.waves.complex_bands import KeptRow, Row, RowStiffness, RowWaves, chain
@@ -31,6 +36,10 @@ STEEPEST_DB = 100.0
 ROUNDING_DB = 1e-6
 # largest change of a wavenumber, relative to it or to 1/pitch, with boundary functions of one degree less
 CARRIED = 0.01
+MODULI_SHARE = (
+    0.1  # of the accuracy: what a reduction may miss of moduli at other frequencies before another one is made
+)
+MAX_PIECES = 8  # reductions of a band; beyond them the error bar grows
 
 
 @one_thread()
@@ -59,65 +68,181 @@ def solve(
     """
     (low, high), rows = band_hz, case.design.rows
     own: list[MeshRecord] = []
-    cells = (
-        _staggered(case, choice, log, high) if case.design.stagger else _in_line(case, choice, log, high, own, model)
-    )
+    scene = _Scene(_pieces(case, choice, log, (low, high), kx, own, model))
     meshes += own
-    row, coarser, bare = Row(cells.row, kx), Row(cells.coarser, kx), _kept(KeptRow(cells.bare, kx))
-    passed = rows if "y" in case.design.stack.mirrors else 0  # both half-plates are taken for mirror images
-    if rows > passed:
-        log.left_out("power through the rows", "the plate's material is not its own mirror image across them")
+    if "y" not in case.design.stack.mirrors:  # both half-plates are taken for mirror images
+        if rows:
+            log.left_out("power through the rows", "the plate's material is not its own mirror image across them")
+    else:
+        scene = replace(scene, rows=rows)
     with log.step(f"{points} frequencies"):
-        samples = [_point(row, coarser, bare, passed, float(f)) for f in np.linspace(low, high, points)]
-    expected = refinement.log_mesh_error(choice, case, log, cells.mesh_error)
+        samples = [scene.point(float(f)) for f in np.linspace(low, high, points)]
+    expected = refinement.log_mesh_error(choice, case, log, scene.mesh_error)
     with log.step("error bars of the decay"):
-        error = None if expected is None else expected + cells.reduction_error
-        samples = _with_taken(row, bare, passed, _with_bars(row, coarser, samples, error), error)
-    _log_converted(samples, kx, lambda tone: _through(row.waves(tone).stiffness, bare, passed, tone), error, log)
+        error = None if expected is None else expected + scene.reduction_error
+        samples = _with_taken(scene, _with_bars(scene, samples, error), error)
+    _log_converted(samples, kx, scene.through, error, log)
     return {
-        "model": cells.name,
+        "model": scene.pieces[0].name,
         "kx_per_m": kx,
         "pitch_y_m": case.design.pitch_y_m,
         "rows": rows,
         "expected_error": expected,
-        "reduction_error": cells.reduction_error,
+        "reduction_error": scene.reduction_error,
         "points": samples,
     }
 
 
 @dataclass(frozen=True)
-class _Cells:
-    """A row, its copy with one degree less along the sides, the plate beside the row, and relative errors of its bands."""
+class _Piece:
+    """Row about a frequency, its copy with one degree less along the sides, the plate beside it, and errors of its bands.
+
+    Relative errors; that of the reduction includes what its basis misses of moduli at other frequencies.
+    """
 
     name: str
-    row: Periodic
-    coarser: Periodic
-    bare: Periodic
+    row: Row
+    coarser: Row
+    bare: Row
     mesh_error: float | None
     reduction_error: float
+    about_hz: float
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """Pieces of a band of frequencies, each with the rows of its own reduction, and the number of rows that power passes."""
+
+    pieces: list[_Piece]
+    rows: int = 0
+
+    def at(self, tone: float) -> _Piece:
+        """The piece nearest to a frequency."""
+        return min(self.pieces, key=lambda piece: abs(np.log(tone / piece.about_hz)))
+
+    @property
+    def mesh_error(self) -> float | None:
+        """Largest discretisation error of a piece; None without an estimate."""
+        known = [piece.mesh_error for piece in self.pieces if piece.mesh_error is not None]
+        return max(known) if len(known) == len(self.pieces) else None
+
+    @property
+    def reduction_error(self) -> float:
+        """Largest truncation error of a piece."""
+        return max(piece.reduction_error for piece in self.pieces)
+
+    def least(self, tone: float) -> float | None:
+        """Decay of the least attenuated flexural wave at a frequency, dB."""
+        piece = self.at(tone)
+        return _least(_waves(piece.row, piece.coarser, tone, piece.row.waves(tone)))
+
+    def through(self, tone: float) -> Transmission | None:
+        """Power through the rows at a frequency."""
+        return self._passed(self.at(tone).row.waves(tone).stiffness, tone)
+
+    def point(self, tone: float) -> AttenuationPoint:
+        """Waves and power at a frequency."""
+        piece = self.at(tone)
+        row_waves = piece.row.waves(tone)
+        waves = _waves(piece.row, piece.coarser, tone, row_waves)
+        transmission = self._passed(row_waves.stiffness, tone)
+        return AttenuationPoint(frequency_hz=tone, waves=waves, db_per_row=_least(waves), transmission=transmission)
+
+    def _passed(self, one: RowStiffness, tone: float) -> Transmission | None:
+        return transmitted_shares(chain([one] * self.rows), self.at(tone).bare, tone) if self.rows else None
+
+
+def _pieces(
+    case: Case, choice: ModelChoice, log: Log, band_hz: tuple[float, float], kx: float, meshes: list[MeshRecord],
+    model: LatticeModel | None,
+) -> list[_Piece]:  # fmt: skip
+    """Rows of a band: one reduction where moduli are constant, else as many as its basis needs to follow them."""
+    low, high = band_hz
+    if not own_frequency.is_open(case, "cell"):
+        return [_piece(case, choice, log, band_hz, kx, meshes, model, sqrt(max(low, 1.0) * high), None)]
+    materials = case.design.materials
+    for line in own_frequency.of_part(case, "cell").beyond(np.array(band_hz)):
+        log.warning("MATERIAL", line)
+    tones = np.geomspace(max(low, KHZ * FREQUENCY_KHZ[0]), high, 2 * MAX_PIECES + 1)
+    for count in range(1, MAX_PIECES + 1):
+        ends = np.geomspace(tones[0], high, count + 1)
+        about = np.sqrt(ends[:-1] * ends[1:]).tolist()
+        missed = [
+            max(_missed(materials, each, tone) for tone in pair)
+            for each, *pair in zip(about, ends, ends[1:], strict=False)
+        ]
+        if max(missed) <= MODULI_SHARE * case.solve.accuracy:
+            break
+    log.info(
+        f"moduli depend on the frequency: {several(count, 'reduction')} with those at {', '.join(map(frequency, about))}"
+    )
+    out = []
+    for each, extra in zip(about, missed, strict=True):
+        tuned = own_frequency.taken_at(case, each)
+        out.append(_piece(tuned, choice, log, band_hz, kx, meshes, None, each, extra))
+    return out
+
+
+def _missed(materials: Sequence[Material], about_hz: float, tone: float) -> float:
+    """What a basis with the moduli at one frequency overestimates of a frequency with those at another, relative."""
+    return (
+        Moduli(tuple(each.at_hz(about_hz) for each in materials)).missed(tone)
+        / 2.0
+        * float(ResidualModes(CLEAR**2).growth(1.0))
+    )
+
+
+def _piece(
+    case: Case, choice: ModelChoice, log: Log, band_hz: tuple[float, float], kx: float, meshes: list[MeshRecord],
+    model: LatticeModel | None, about_hz: float, missed: float | None,
+) -> _Piece:  # fmt: skip
+    """Rows of one reduction; missed: what its basis misses of other moduli, None where they are constant."""
+    parted = missed is not None
+    make = _staggered if case.design.stagger else _in_line
+    name, row, bare, by_mesh, truncated = make(case, choice, log, band_hz[1], meshes, model, parted)
+    plate = tuple(dict.fromkeys(layer.material for layer in case.design.stack.layers))
+    standing = case.design.materials
+    own, beside = (
+        (Moduli(standing, case.is_lossy), Moduli(standing if case.design.stagger else plate))
+        if parted
+        else (None, None)
+    )
+    return _Piece(
+        name,
+        Row(row, kx, own),
+        Row(_coarser(row), kx, own),
+        _kept(KeptRow(bare, kx, beside)),
+        by_mesh,
+        truncated + (missed or 0.0),
+        about_hz,
+    )
 
 
 def _in_line(
-    case: Case, choice: ModelChoice, log: Log, high_hz: float, meshes: list[MeshRecord], model: LatticeModel | None
-) -> _Cells:
+    case: Case, choice: ModelChoice, log: Log, high_hz: float, meshes: list[MeshRecord], model: LatticeModel | None,
+    parted: bool,
+) -> tuple[str, Periodic, Periodic, float | None, float]:  # fmt: skip
     """Cell of the bands, reduced once for both uses, or again if its cut-off is too low for these frequencies."""
     if model is None or model.lattice.cell.dropped_hz < CLEAR * high_hz:
         corners = case.path(1).corners
-        model = lattice_model(case, choice, corners, log, meshes, high_hz=high_hz)
+        model = lattice_model(case, choice, corners, log, meshes, high_hz=high_hz, parted=parted)
     cell = model.lattice.cell
-    row, bare = Periodic([cell]), Periodic([bare_cell(case, cell.interface, log)])
-    return _Cells(model.name, row, _coarser(row), bare, model.mesh_error, model.reduction_error)
+    row, bare = Periodic([cell]), Periodic([bare_cell(case, cell.interface, log, parted)])
+    return model.name, row, bare, model.mesh_error, model.reduction_error
 
 
-def _staggered(case: Case, choice: ModelChoice, log: Log, high_hz: float) -> _Cells:
+def _staggered(
+    case: Case, choice: ModelChoice, log: Log, high_hz: float, meshes: list[MeshRecord], model: LatticeModel | None,
+    parted: bool,
+) -> tuple[str, Periodic, Periodic, float | None, float]:  # fmt: skip
     """Row of a staggered array, reduced like that of the bands."""
     assert choice.reduction
     reduction = replace(choice.reduction, top_hz=max(choice.reduction.top_hz, CLEAR * high_hz))
     path = case.path(1)
-    choice, row, (by_mesh, truncated) = sampled_cell(case, replace(choice, reduction=reduction), path, log)
+    choice, row, (by_mesh, truncated) = sampled_cell(case, replace(choice, reduction=reduction), path, log, parted)
     assert isinstance(row, Periodic)
     bare = [replace(row.cells[1], loss=None)] * 2  # waves to and from the rows are told apart by their power
-    return _Cells(choice.name, row, _coarser(row), Periodic(bare, row.shift), by_mesh, truncated)
+    return choice.name, row, Periodic(bare, row.shift), by_mesh, truncated
 
 
 def _coarser(row: Periodic) -> Periodic:
@@ -157,21 +282,10 @@ def carried(waves: RowWaves, fewer: RowWaves) -> BoolArray:
     return np.asarray(out)
 
 
-def _point(row: Row, coarser: Row, bare: Row, rows: int, frequency_hz: float) -> AttenuationPoint:
-    row_waves = row.waves(frequency_hz)
-    waves = _waves(row, coarser, frequency_hz, row_waves)
-    transmission = _through(row_waves.stiffness, bare, rows, frequency_hz)
-    return AttenuationPoint(frequency_hz=frequency_hz, waves=waves, db_per_row=_least(waves), transmission=transmission)
-
-
-def _through(one: RowStiffness, bare: Row, rows: int, frequency_hz: float) -> Transmission | None:
-    return transmitted_shares(chain([one] * rows), bare, frequency_hz) if rows else None
-
-
-def _with_bars(row: Row, coarser: Row, samples: list[AttenuationPoint], error: float | None) -> list[AttenuationPoint]:
+def _with_bars(scene: _Scene, samples: list[AttenuationPoint], error: float | None) -> list[AttenuationPoint]:
     """Add the error of each decay for a relative `error` of the cell's bands."""
     tones, decays = np.array([[p.frequency_hz, nan if p.db_per_row is None else p.db_per_row] for p in samples]).T
-    bars = level_bars(tones, decays, error, lambda tone: _least(_waves(row, coarser, tone, row.waves(tone))))
+    bars = level_bars(tones, decays, error, scene.least)
     return [
         replace(p, db_error=bar, waves=[_with_bar(wave, p.db_per_row, bar) for wave in p.waves])
         for p, bar in zip(samples, bars, strict=True)
@@ -184,13 +298,11 @@ def _with_bar(wave: Wave, least: float | None, bar: float | None) -> Wave:
     return replace(wave, db_error=bar) if is_least else wave
 
 
-def _with_taken(
-    row: Row, bare: Row, rows: int, samples: list[AttenuationPoint], error: float | None
-) -> list[AttenuationPoint]:
+def _with_taken(scene: _Scene, samples: list[AttenuationPoint], error: float | None) -> list[AttenuationPoint]:
     """Add the error of the power that a flexural wave loses at the rows."""
 
     def taken(tone: float) -> float | None:
-        shares = _through(row.waves(tone).stiffness, bare, rows, tone)
+        shares = scene.through(tone)
         return shares.taken_db if shares else None
 
     tones, levels = np.array([[p.frequency_hz, p.taken_db] for p in samples]).T

@@ -343,9 +343,9 @@ def _at_own_frequencies(case: Case, solve: Callable[[Case], SolvedBands], log: L
     return bands
 
 
-def row_cell(design: Design, reduction: ReductionSettings, lossy: bool = False) -> Periodic:
+def row_cell(design: Design, reduction: ReductionSettings, lossy: bool = False, parted: bool = False) -> Periodic:
     """Reduce the primitive cell of staggered rows: a panel with the pillar and a bare one, each half a pitch wide."""
-    reductions = Reductions(design.stack, design.pillar, reduction, CellCache(), lossy=lossy)
+    reductions = Reductions(design.stack, design.pillar, reduction, CellCache(), lossy=lossy, parted=parted)
     return Periodic([reductions.cell(panel) for panel in row_panels(design)], shift=1)
 
 
@@ -354,12 +354,13 @@ def _solver(cell: SampledCell | Periodic) -> Solve:
 
 
 def sampled_cell(
-    case: Case, choice: ModelChoice, path: Path, log: Log
+    case: Case, choice: ModelChoice, path: Path, log: Log, parted: bool = False
 ) -> tuple[ModelChoice, WholeCell | Periodic, Bar]:
     """Choose and build the meshed cell, or the reduced cell of staggered rows.
 
     It has the first reduction and the first mesh whose errors at the corners of the path meet the accuracy, or the finest
-    that fits into memory. Returns it with its relative discretisation error (None if unknown) and truncation error.
+    that fits into memory. Returns it with its relative discretisation error (None if unknown) and truncation error. parted: the
+    cell of staggered rows has the stiffness of each material.
     """
     design, count = case.design, case.bands.count
 
@@ -367,7 +368,7 @@ def sampled_cell(
         cell: WholeCell | Periodic
         if choice.reduction:
             with log.step("reduce the panels of a row"):
-                cell = row_cell(design, choice.reduction, case.is_lossy)
+                cell = row_cell(design, choice.reduction, case.is_lossy, parted)
         else:
             assert choice.hexahedra
             with log.step("assemble the cell and two coarser ones"):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 
@@ -92,6 +93,11 @@ def materials_of(design: Design, part: str) -> Sequence[Material]:
 def of_part(case: Case, part: str) -> OwnFrequency:
     """Return the materials of a part at the frequency at which the case takes them."""
     return OwnFrequency(tuple(materials_of(case.design, part)))
+
+
+def at_middle(case: Case, band_hz: tuple[float, float]) -> Case:
+    """Return the case with open moduli at the middle of a band, Hz."""
+    return taken_at(case, sqrt(band_hz[0] * band_hz[1])) if is_open(case, "plate") and band_hz[0] > 0.0 else case
 
 
 def taken_at(case: Case, frequency_hz: float) -> Case:

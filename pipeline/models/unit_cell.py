@@ -93,20 +93,22 @@ def lattice_model(
     meshes: list[MeshRecord],
     finer: bool = True,
     high_hz: float = 0.0,
+    parted: bool = False,
 ) -> LatticeModel:
     """Reduce the cell so that its bands at the corners (n, 2) of the path meet the accuracy; warn if they do not.
 
-    finer: refine the mesh if its error exceeds the accuracy; high_hz: highest frequency needed in addition to the bands.
+    finer: refine the mesh if its error exceeds the accuracy; high_hz: highest frequency needed in addition to the bands;
+    parted: with the stiffness of each material.
     """
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
-    reduce = _reducer(choice, case, log, meshes)
+    reduce = _reducer(choice, case, log, meshes, parted)
     reduction, lattice, bar, error, beyond = _good_enough(reduce, reduction, corners, case, log, CLEAR * high_hz)
     choice = replace(choice, reduction=reduction, hexahedra=reduction.hexahedra)
 
     def on_mesh(choice: ModelChoice) -> tuple[ReducedLattice, Bar]:
         assert choice.reduction
         own: list[MeshRecord] = []
-        lattice = ReducedLattice(_reducer(choice, case, log, own)(choice.reduction))
+        lattice = ReducedLattice(_reducer(choice, case, log, own, parted)(choice.reduction))
         meshes[:] = own  # replaces the first mesh once this one is solved
         return lattice, widest_bar(lattice, _solved(lattice, corners, case), case.bands.count, beyond)
 
@@ -143,7 +145,7 @@ def truncated_bars(lattice: ReducedLattice, waves: Sequence[Waves], count: int, 
     return modes + truncation_bars(last, further_degrees([parts[:, :count] for _, parts in estimates])) + beyond
 
 
-def _reducer(choice: ModelChoice, case: Case, log: Log, meshes: list[MeshRecord]) -> Reduce:
+def _reducer(choice: ModelChoice, case: Case, log: Log, meshes: list[MeshRecord], parted: bool = False) -> Reduce:
     """Return the function that reduces the cell on the mesh of a choice; the record of tetrahedra is added to `meshes`."""
     design = case.design
     mesh, halved = tet_cell(design, choice.edge_m, log) if choice.edge_m else (None, ())
@@ -153,7 +155,7 @@ def _reducer(choice: ModelChoice, case: Case, log: Log, meshes: list[MeshRecord]
 
     def reduce(reduction: ReductionSettings) -> Cell:
         cache, mesher = (None, lambda _: mesh) if mesh else (CellCache(), None)
-        reductions = Reductions(design.stack, design.pillar, reduction, cache, mesher, lossy=case.is_lossy)
+        reductions = Reductions(design.stack, design.pillar, reduction, cache, mesher, "", case.is_lossy, parted)
         with log.step("reduce the cell"):
             cell = reductions.cell(panel)
         source = "reduced" if reductions.fresh else "loaded from the cache"
@@ -339,12 +341,15 @@ def _boundary(face: Interface) -> int:
     return face.vertex_block + 2 * face.side_block
 
 
-def bare_cell(case: Case, interface: Interface, log: Log) -> Cell:
-    """Reduce the unit cell without its pillar, with the boundary functions of the neighbouring cell."""
+def bare_cell(case: Case, interface: Interface, log: Log, parted: bool = False) -> Cell:
+    """Reduce the unit cell without its pillar, with the boundary functions of the neighbouring cell.
+
+    parted: with the stiffness of each material.
+    """
     design = replace(case.design, pillar=None)
     reduction = replace(mesh_rules.lattice_reduction(design, case.solve.accuracy), interface=interface)
     with log.step("reduce the bare cell"):
-        return Reductions(design.stack, None, reduction, CellCache()).cell(lattice_panel(design))
+        return Reductions(design.stack, None, reduction, CellCache(), parted=parted).cell(lattice_panel(design))
 
 
 MORE = 4  # waves in addition to those requested

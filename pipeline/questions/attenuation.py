@@ -241,6 +241,7 @@ class Attenuation(
     needs=("plate", "array.pitch_mm", "pillar"),
     pictures=("report.gallery.attenuation",),
     of_any_plate=True,
+    at_own_frequencies=True,
 ):
     """Compute the attenuation per row in dB across the border of the zone, at a wavenumber along it.
 
@@ -284,10 +285,11 @@ class Attenuation(
         return simplifications.no_lattice(case.design, "attenuation")
 
     def plan(self, case: Case) -> Plan:
+        from pipeline.models.own_frequency import at_middle
         from pipeline.planning.model_choice import cell_model_choice, driven_band_hz
 
         low, high = driven_band_hz(case, hz(self.band_kHz))
-        choice, kx = cell_model_choice(case, high), self._kx(case)
+        choice, kx = cell_model_choice(at_middle(case, (low, high)), high), self._kx(case)
         span = " to ".join(map(simplifications.khz, (low, high)))
         looks = f"{self.points} frequencies from {span} at kx = {figure(kx)} rad/m"
         numbers = {"band_hz": [low, high], "frequencies": self.points, "kx_per_m": kx}

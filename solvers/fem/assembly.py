@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import TypeVar
@@ -59,7 +59,8 @@ class System:
     """Scaled stiffness K (3n, 3n) with degrees of freedom (node, axis), and the scalar mass m (n, n): M = m (x) I3.
 
     density (e,) is per element, in units of the scale. loss: the stiffness with each material's part times its loss factor,
-    or the loss factor that all of them have; None where it was not asked for.
+    or the loss factor that all of them have; None where it was not asked for. by_material: the stiffness of each material
+    that was asked for by itself.
     """
 
     stiffness: sp.csr_array
@@ -68,6 +69,7 @@ class System:
     mesh: AnyMesh
     density: FloatArray
     loss: sp.csr_array | float | None = None
+    by_material: tuple[sp.csr_array, ...] = ()
 
     def region_mass(self, *regions: str) -> sp.csr_array | None:
         """Scalar mass of some regions alone; None when the mesh has none of them."""
@@ -98,7 +100,13 @@ def on_components(scalar: sp.csr_array | sp.csc_array, shapes: FloatArray) -> Fl
     return np.asarray(scalar @ flat).reshape(3 * scalar.shape[0], shapes.shape[1])
 
 
-def assemble(mesh: AnyMesh, materials: dict[str, Material], scale: Scale | None = None, lossy: bool = False) -> System:
+def assemble(
+    mesh: AnyMesh,
+    materials: dict[str, Material],
+    scale: Scale | None = None,
+    lossy: bool = False,
+    parted: Sequence[Material] = (),
+) -> System:
     """Assemble K_(a i)(b j) = int C_ikjl N_a,k N_b,l and m_ab = int rho N_a N_b.
 
     The pencil is scaled by the mesh's smallest extent and the first material unless a scale is given, so that a micrometre
@@ -114,6 +122,8 @@ def assemble(mesh: AnyMesh, materials: dict[str, Material], scale: Scale | None 
         Units of the pencil.
     lossy : bool, optional
         Whether the materials' loss factors are assembled as well; each must have one.
+    parted : sequence of Material, optional
+        Materials whose stiffnesses are assembled by themselves as well.
 
     Returns
     -------
@@ -142,7 +152,17 @@ def assemble(mesh: AnyMesh, materials: dict[str, Material], scale: Scale | None 
     loss: sp.csr_array | float | None = float(factor[0]) if lossy else None
     if tensor is not None and np.ptp(factor):
         loss = forms.stiffness(factor[:, None, None, None, None] * tensor)
-    return System(stiffness, forms.mass(density), scale, mesh, density, loss)
+    parts = tuple(forms.stiffness(_own_tensor(mesh, materials, each) / scale.young_pa) for each in parted)
+    return System(stiffness, forms.mass(density), scale, mesh, density, loss, parts)
+
+
+def _own_tensor(mesh: AnyMesh, materials: dict[str, Material], material: Material) -> FloatArray:
+    """Stiffness tensor of each element of a material, and 0 of the others, (cells, 3, 3, 3, 3), Pa."""
+    tensor = np.zeros((mesh.cell_count, 3, 3, 3, 3))
+    for name, cells in mesh.region_of_cells().items():
+        if materials[name] == material:
+            tensor[cells] = material.tensor_pa
+    return tensor
 
 
 class Forms:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import starmap
@@ -16,7 +16,7 @@ from geometry.elements import FloatArray
 from geometry.hex.panels import PatchedMesh, panel_mesh, transfer
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar, region_materials
-from geometry.materials import Stack
+from geometry.materials import Material, Stack
 from geometry.mesh import Mesh, check_mesh
 from geometry.tiling import Panel, Signature, signature, tile
 from solvers.accuracy.mesh import ErrorFractions, Nested, StressRecovery, rim_shares
@@ -59,7 +59,8 @@ class Reductions:
     """Reduction of a plate's panels: equal panels once, cached ones not at all. `fresh` counts those computed here.
 
     `pillar` stands on panels with a foot that name none of their own. `mesher` meshes the panels with a pillar; without it,
-    and for bare panels, structured hexahedra do. lossy: cells have their materials' loss, too.
+    and for bare panels, structured hexahedra do. lossy: cells have their materials' loss, too; parted: the part of each of
+    `materials` in their stiffness.
     """
 
     stack: Stack
@@ -69,6 +70,7 @@ class Reductions:
     mesher: Meshes | None = None
     mesher_name: str = ""  # distinguishes one mesher's cells from another's in the cache
     lossy: bool = False
+    parted: bool = False
     fresh: int = 0
     reused: int = 0
 
@@ -93,11 +95,16 @@ class Reductions:
             better = self._recovered if mesh.kind == TETRAHEDRA else None
         else:
             mesh, better = self._mesh(panel, self.settings(panel)).mesh, self.coarser(panel)
-        system = self.system(mesh, self.lossy)
+        system = self.system(mesh, self.lossy, self.materials if self.parted else ())
         cell = reduce_cell(system, reduction.ample, reduction.top_hz, panel.halved, panel.free, better)
         if isinstance(system.loss, float):
             cell = replace(cell, loss=system.loss * cell.stiffness)
         return restricted(cell, reduction.interface) if reduction.further else cell
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """The materials of plate and pillar, each once."""
+        return tuple(dict.fromkeys(region_materials(self.stack, self.pillar).values()))
 
     def _recovered(self, cell: Cell, builder: CellBuilder, parts: list[SymmetryClass]) -> Cell:
         """The cell corrected by stress recovery on its tetrahedra."""
@@ -127,11 +134,11 @@ class Reductions:
     def _mesh(self, panel: Panel, settings: HexSettings) -> PatchedMesh:
         return panel_mesh(panel, self.stack, self.pillar, settings)
 
-    def system(self, mesh: Mesh, lossy: bool = False) -> System:
+    def system(self, mesh: Mesh, lossy: bool = False, parted: Sequence[Material] = ()) -> System:
         """The assembled matrices of a mesh. MeshError for one that is not sound."""
         check_mesh(mesh)
         scale = Scale.of(self.stack.thickness_m, self.stack.mean)
-        return assemble(mesh, region_materials(self.stack, self.pillar), scale, lossy)
+        return assemble(mesh, region_materials(self.stack, self.pillar), scale, lossy, parted)
 
     def coarser(self, panel: Panel) -> Coarser | None:
         """Correction of a reduced panel by coarser meshes nested in its own; None for a mesh that has none.
@@ -180,9 +187,10 @@ class Reductions:
         pillar = self.pillar_of(panel) if panel.foot else None
         mesher = self.mesher_name if panel.foot else ""
         place = signature(replace(panel, pillar=None))
-        text = repr(
-            (place, panel.halved, self.stack, pillar, self.reduction, mesher, *(["lossy"] if self.lossy else []))
-        )
+        more = [name for name in ("lossy", "parted") if getattr(self, name)]
+        # whose parts a cell has, and in which order, depends on the pillar that stands elsewhere, too
+        others = self.materials if self.parted else ()
+        text = repr((place, panel.halved, self.stack, pillar, self.reduction, mesher, *more, *others))
         return hashlib.sha256(text.encode()).hexdigest()
 
 

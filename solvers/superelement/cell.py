@@ -226,8 +226,8 @@ class Cell:
     size_m: edges along x, y and the plate's thickness; fixed_hz: fixed-interface frequencies kept, with their symmetry
     (modes, 2) under the cell's mirrors (0 without); touch: u_z on the touch face; skin: corners of the outer skin;
     bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None unless they form a tensor
-    grid); pillar_mass: the share of M_r that moves in the pillar; loss: K_r with each material's part times its loss factor
-    (None unless asked for).
+    grid); pillar_mass: the share of M_r that moves in the pillar; loss: K_r with each material's part times its loss factor;
+    by_material (materials, dof, dof): the part of each in K_r (both None unless asked for).
 
     No fixed-interface mode below dropped_hz was left out. `dropped` (boundary, boundary) is the residual flexibility of those
     left out (`ResidualModes`): (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
@@ -250,6 +250,7 @@ class Cell:
     bare: Expansion | None = None
     further: Further | None = None
     loss: FloatArray | None = None
+    by_material: FloatArray | None = None
 
     @property
     def dof(self) -> int:
@@ -294,6 +295,8 @@ def restricted(cell: Cell, face: Interface, top_hz: float = inf) -> Cell:
     dropped = cell.dropped + (pushed / np.diag(cell.stiffness)[left]) @ pushed.T
     names = ("stiffness", "mass", "pillar_mass", "loss")
     matrices = {name: part[square] for name in names if (part := getattr(cell, name)) is not None}
+    if cell.by_material is not None:
+        matrices["by_material"] = cell.by_material[:, keep[:, None], keep]
     fields = {name: each and each.kept(keep) for name in ("touch", "skin", "bare") if (each := getattr(cell, name))}
     return replace(
         cell,
@@ -325,7 +328,7 @@ def with_further(cell: Cell) -> Cell:
     assert cell.further
     face, further = replace(cell.interface, through=cell.further.through), cell.further
     larger = replace(cell, interface=face, stiffness=further.stiffness, mass=further.mass)
-    return replace(larger, mesh_error=None, further=None, loss=None)
+    return replace(larger, mesh_error=None, further=None, loss=None, by_material=None)
 
 
 def places_of(bases: Sequence[FloatArray], modes: Sequence[int]) -> list[FloatArray]:

@@ -12,10 +12,11 @@ are a lattice of one row.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from operator import attrgetter
 
 import numpy as np
 import scipy.sparse as sp
@@ -233,9 +234,9 @@ class Periodic:
         """Each cell with its own of the cells' degrees of freedom (dof, n)."""
         return list(zip(self.cells, np.split(dofs, self.ties.starts[1:-1]), strict=True))
 
-    def reduced(self, transform: ComplexArray, name: str) -> ComplexArray:
-        """Hermitian sum of T_c^H A_c T_c over the cells, A_c their `stiffness` or `mass`."""
-        return np.asarray(sum(own.conj().T @ (getattr(cell, name) @ own) for cell, own in self.parts(transform)))
+    def reduced(self, transform: ComplexArray, matrix: Callable[[Cell], FloatArray]) -> ComplexArray:
+        """Hermitian sum of T_c^H A_c T_c over the cells, A_c a matrix of each."""
+        return np.asarray(sum(own.conj().T @ (matrix(cell) @ own) for cell, own in self.parts(transform)))
 
     def at(self, wavevector: FloatArray) -> BlochPlate:
         """The cells joined at a wavevector (2,) in rad/m."""
@@ -281,7 +282,8 @@ class BlochPlate:
         """Hermitian K and M, (dof, dof) each."""
         if self.periodic.rows == 1:
             transform = self.periodic.ties.closed(self.periodic.lattice.phases(self.wavevector))
-            return self.periodic.reduced(transform, "stiffness"), self.periodic.reduced(transform, "mass")
+            stiffness, mass = (self.periodic.reduced(transform, attrgetter(name)) for name in ("stiffness", "mass"))
+            return stiffness, mass
         return self._summed("stiffness"), self._summed("mass")
 
     def _summed(self, name: str) -> ComplexArray:

@@ -187,6 +187,31 @@ def loss_of(cell: Cell) -> FloatArray:
     return cell.loss
 
 
+def part_of(number: int, cell: Cell) -> FloatArray:
+    """Return the part of a material in a cell's stiffness.
+
+    Parameters
+    ----------
+    number : int
+        Of the material, among those with which the cell was reduced.
+    cell : Cell
+        Reduced with the parts of its materials.
+
+    Returns
+    -------
+    ndarray, shape (dof, dof)
+        Stiffness of that material, scaled.
+
+    Raises
+    ------
+    SolverError
+        If the cell was reduced without them.
+    """
+    if cell.by_material is None:
+        raise SolverError("the cell was reduced without the parts of its materials")
+    return cell.by_material[number]
+
+
 def _entries(matrix: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Rows, columns and values of a cell's matrix, without the rounding left in entries that symmetry makes zero."""
     size = np.sqrt(np.abs(np.diag(matrix)))

@@ -266,10 +266,13 @@ class CellBuilder:
         fixed = np.concatenate([part.fixed_hz for part in parts])
         places = self.places(parts)
         parallel_map(self.projected, [part for part in parts if not part.turned])
-        stiffness, mass, pillar, loss = (np.zeros((places[0].shape[0],) * 2) for _ in range(4))
+        count, own_loss = places[0].shape[0], isinstance(system.loss, sp.csr_array)
+        matrices = np.zeros((3 + own_loss + len(system.by_material), count, count))
         for part, place in zip(parts, places, strict=True):
-            for whole, own in zip((stiffness, mass, pillar, loss), self.projected(part), strict=False):
+            for whole, own in zip(matrices, self.projected(part), strict=True):
                 whole += self.copies * place @ own @ place.T
+        stiffness, mass, pillar, *more = matrices
+        loss, by_material = more[0] if own_loss else None, matrices[3 + own_loss :]
         symmetry = [[part.signs.get(axis, 0) for axis in (0, 1)] for part in parts for _ in part.fixed_hz]
         return Cell(
             (stiffness + stiffness.T) / 2.0,
@@ -286,7 +289,8 @@ class CellBuilder:
             self._skin(parts, places),
             system.mesh.dof * self.copies,
             bare=self._bare(parts, places),
-            loss=(loss + loss.T) / 2.0 if isinstance(system.loss, sp.csr_array) else None,
+            loss=None if loss is None else (loss + loss.T) / 2.0,
+            by_material=(by_material + by_material.swapaxes(1, 2)) / 2.0 if len(by_material) else None,
         )
 
     def _dropped(self, parts: list[SymmetryClass], places: list[FloatArray]) -> FloatArray:
@@ -299,8 +303,8 @@ class CellBuilder:
         return (out + out.T) / 2.0
 
     def projected(self, part: SymmetryClass) -> tuple[FloatArray, ...]:
-        """V'KV, V'MV, V'MV of the pillar alone and, where materials lose differently, the loss, (m, m) each; computed once a
-        class, and for one turned over with it.
+        """V'KV, V'MV, V'MV of the pillar alone, where materials lose differently the loss, and the part of each material in
+        V'KV if asked for, (m, m) each; computed once a class, and for one turned over with it.
         """
         own = part.turned or part
         if id(own) not in self._known:
@@ -312,8 +316,8 @@ class CellBuilder:
         pillar = system.region_mass(*system.mesh.standing)
         stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
         heavy = np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
-        lossy = (shapes.T @ (system.loss @ shapes),) if isinstance(system.loss, sp.csr_array) else ()
-        return stiffness, mass, heavy, *lossy
+        more = (*([system.loss] if isinstance(system.loss, sp.csr_array) else []), *system.by_material)
+        return stiffness, mass, heavy, *(shapes.T @ (each @ shapes) for each in more)
 
     def places(self, parts: list[SymmetryClass]) -> list[FloatArray]:
         """Map from each class's degrees of freedom to the cell's, (dof, m)."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, reduce
+from functools import cached_property, lru_cache, partial, reduce
+from operator import attrgetter
 
 import numpy as np
 from scipy.linalg import eig, lu_factor, lu_solve
@@ -13,6 +14,8 @@ from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.superelement.cell import Cell, ResidualModes
 from solvers.superelement.lattice import Periodic
+from solvers.superelement.moduli import Moduli, recombined
+from solvers.superelement.plate import loss_of, part_of
 
 # -- waves across rows -------------------------------------------------------------------------------------------------
 # Complex band structure of rows of cells: all waves across the rows at a real frequency and a real wavenumber along them.
@@ -71,11 +74,11 @@ class Row:
     """Cells repeated along x with a fixed phase exp(i k_x a1); the edges y- and y+ are free to meet neighbours.
 
     Of shifted rows the upper edge stands in the order of the next one's lower edge, and without the phase of the shift: what is
-    left from row to row is exp(i k_y p_y).
+    left from row to row is exp(i k_y p_y). moduli: of cells with the stiffness of each material, taken at each frequency.
     """
 
-    def __init__(self, cells: Cell | Periodic, kx_per_m: float) -> None:
-        self.periodic = cells if isinstance(cells, Periodic) else Periodic([cells])
+    def __init__(self, cells: Cell | Periodic, kx_per_m: float, moduli: Moduli | None = None) -> None:
+        self.periodic, self.moduli = cells if isinstance(cells, Periodic) else Periodic([cells]), moduli
         self.cell, self.kx, ties = self.periodic.cells[0], kx_per_m, self.periodic.ties
         self.edge, self.inner = ties.edge, ties.inside
         self.transform = ties.open(self.periodic.lattice.phases(np.array([kx_per_m, 0.0])))
@@ -83,12 +86,12 @@ class Row:
     @cached_property
     def stiffness(self) -> ComplexArray:
         """Hermitian K of [lower edge, upper edge, inner]."""
-        return self.periodic.reduced(self.transform, "stiffness")
+        return self.periodic.reduced(self.transform, attrgetter("stiffness"))
 
     @cached_property
     def mass(self) -> ComplexArray:
         """Hermitian M of [lower edge, upper edge, inner]."""
-        return self.periodic.reduced(self.transform, "mass")
+        return self.periodic.reduced(self.transform, attrgetter("mass"))
 
     @cached_property
     def _flexibility(self) -> list[tuple[ResidualModes, ComplexArray]]:
@@ -101,13 +104,32 @@ class Row:
         """Hermitian loss of [lower edge, upper edge, inner]; None for cells without it."""
         if any(cell.loss is None for cell in self.periodic.cells):
             return None
-        return self.periodic.reduced(self.transform, "loss")
+        return self.periodic.reduced(self.transform, loss_of)
+
+    @cached_property
+    def by_material(self) -> ComplexArray:
+        """Hermitian stiffness of each material, (materials, n, n)."""
+        count = len(self.moduli.materials) if self.moduli else 0
+        return np.array([self.periodic.reduced(self.transform, partial(part_of, number)) for number in range(count)])
 
     def dynamic(self, value: float) -> ComplexArray:
         """Dynamic stiffness at a scaled eigenvalue, Hermitian without loss."""
+        if self.moduli:
+            return self._at_moduli(self.moduli, value)
         softer = sum(float(left_out.softening(value)) * part for left_out, part in self._flexibility)
         elastic = np.asarray(self.stiffness - value * self.mass - softer)
         return elastic if self.loss is None else np.asarray(elastic - 1j * self.loss)
+
+    def _at_moduli(self, moduli: Moduli, value: float) -> ComplexArray:
+        """`dynamic` with the moduli at its frequency; stiffer cells have discarded modes at higher eigenvalues."""
+        tone = float(self.cell.scale.frequency(np.array(value)))
+        middle = moduli.middle(tone)
+        softer = sum(
+            float(ResidualModes(middle * left_out.edge).softening(value)) / middle * part
+            for left_out, part in self._flexibility
+        )
+        stiffness = recombined(moduli.factors(tone).conj(), self.stiffness, self.by_material)
+        return np.asarray(stiffness - value * self.mass - softer)
 
     @cached_property
     def mirror_sign(self) -> FloatArray:
@@ -132,7 +154,7 @@ class Row:
             )
         follow = -lu_solve(factors, coupling)
         edges = dynamic[:n, :n] + dynamic[:n, n:] @ follow
-        if self.loss is None:
+        if not (self.moduli.is_lossy if self.moduli else self.loss is not None):
             edges = (edges + edges.conj().T) / 2.0
         m = self.edge
         return RowStiffness(edges[:m, :m], edges[:m, m:], edges[m:, :m], edges[m:, m:]), np.asarray(follow)
@@ -174,8 +196,8 @@ def _least_decay_first(factor: ComplexArray) -> IntArray:
 class KeptRow(Row):
     """A row that keeps its waves by frequency: the plate beside the rows is the same whatever pillars stand on it."""
 
-    def __init__(self, cells: Cell | Periodic, kx_per_m: float) -> None:
-        super().__init__(cells, kx_per_m)
+    def __init__(self, cells: Cell | Periodic, kx_per_m: float, moduli: Moduli | None = None) -> None:
+        super().__init__(cells, kx_per_m, moduli)
         self.waves = lru_cache(MAX_KEPT)(super().waves)  # type: ignore[method-assign]
 
     @property
@@ -186,7 +208,7 @@ class KeptRow(Row):
             for cell in self.periodic.cells
             for matrices in ((cell.stiffness, cell.mass, cell.dropped, *([] if cell.loss is None else [cell.loss])),)
         ]
-        return self.kx, self.periodic.shift, *own
+        return self.kx, self.periodic.shift, self.moduli, *own
 
 
 def _paired(d: RowStiffness, sign: FloatArray) -> tuple[ComplexArray, ComplexArray]:

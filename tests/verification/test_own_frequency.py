@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from geometry.hex.scenes import HexSettings
+from geometry.layout import Design, Pillar
 from geometry.materials import Material
+from geometry.tiling import lattice_panel
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import Request, solve_modes
+from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.predesign import Predesign
 from pipeline.questions.question import Run, ask
+from solvers.plates.assembled import Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.lattice import Periodic
+from solvers.superelement.moduli import Moduli
+from solvers.waves.complex_bands import Row
 from tests.helpers.asked import bands_of
 from tests.helpers.exploring import SMALL
 from tests.helpers.recording_log import RecordingLog
@@ -77,6 +87,76 @@ def test_each_wave_has_the_moduli_of_its_own_frequency(plate: dict[str, Any]) ->
         again = bands_of(case(fixed(tone) if plate is RESIN else METAL, fixed(tone)), LOG)
         open_by = 1e-7 if plate is RESIN else bands.points[place].error[band]
         assert open_by is not None and abs(again.points[place].frequencies_hz[band] / tone - 1.0) <= open_by
+
+
+def rising(plate: float, pillar: float) -> Design:
+    """A plate with a pillar whose moduli rise as these powers of the frequency, from 30 kHz."""
+    tones = [1e3, 1e6]
+    made = [
+        Material.of_table(
+            name,
+            {"density_kg_m3": density, "poisson": 0.35}
+            | {"young_GPa_at": [[tone, young * (tone / 30e3) ** power, loss * tone / 30e3] for tone in tones]},
+        )
+        for name, young, density, power, loss in (("a", 70.0, 2700.0, plate, 1e-3), ("b", 3.0, 1200.0, pillar, 5e-3))
+    ]
+    standing = Pillar("square", 2e-3, 2e-3, 3e-3, made[1])
+    return Design(16e-3, 8e-3, 1.2e-3, 2, made[0], standing, 4e-3, 4e-3, 1, 2e-3)
+
+
+def at_hz(design: Design, tone: float) -> Design:
+    """The same with the moduli at a frequency."""
+    assert design.pillar
+    standing = replace(design.pillar, material=design.pillar.material.at_hz(tone))
+    return replace(design, material=design.material.at_hz(tone), pillar=standing)
+
+
+def row(design: Design, top_hz: float, lossy: bool, parted: bool) -> Row:
+    reduction = ReductionSettings(Interface(5, 3), top_hz, HexSettings(3, 3e-3, 0, 0.25, 2e-3), 4e-3)
+    reductions = Reductions(design.stack, design.pillar, reduction, lossy=lossy, parted=parted)
+    moduli = Moduli(reductions.materials, lossy) if parted else None
+    return Row(Periodic([reductions.cell(lattice_panel(design))]), 150.0, moduli)
+
+
+@pytest.mark.parametrize("lossy", [False, True])
+def test_a_row_whose_moduli_change_alike_has_those_of_each_frequency(lossy: bool) -> None:
+    """The basis is the same, so that the waves are those of a row reduced with the moduli at the frequency, to rounding."""
+    design = rising(0.1, 0.1)
+    ours = row(at_hz(design, 30e3), 250e3, lossy, parted=True)
+    for tone in (22e3, 36e3):
+        theirs = row(at_hz(design, tone), 250e3 * (tone / 30e3) ** 0.05, lossy, parted=False)
+        expected = theirs.waves(tone).factor[:6]
+        assert ours.waves(tone).factor[:6] == pytest.approx(expected, rel=1e-9)
+        assert not lossy or (np.abs(expected) < 1.0 - 1e-4).all()
+
+
+def test_a_row_of_two_materials_misses_no_more_of_other_moduli_than_its_basis_may() -> None:
+    design = rising(0.0, 0.3)
+    ours = row(at_hz(design, 30e3), 250e3, lossy=False, parted=True)
+    for tone in (20e3, 26e3, 36e3):
+        theirs = row(at_hz(design, tone), 250e3, lossy=False, parted=False)
+        missed = ours.moduli.missed(tone) if ours.moduli else 0.0
+        exact, further = (theirs.waves(each).wavenumber_per_m[0].real for each in (tone, tone * (1.0 - missed / 2.0)))
+        assert abs(ours.waves(tone).wavenumber_per_m[0].real - exact) <= exact - further
+        assert missed < 0.01
+
+
+@pytest.mark.parametrize(("plate", "band_khz"), [(RESIN, (14.0, 18.0)), (METAL, (30.0, 34.0))], ids=["alike", "two"])
+def test_attenuation_has_the_moduli_of_each_frequency(plate: dict[str, Any], band_khz: tuple[float, float]) -> None:
+    """Against solutions with constant moduli: equal where all change alike, else within both error bars."""
+    log = RecordingLog()
+    found = ask(case(plate, RESIN), Attenuation(band_kHz=band_khz, points=2), Run(log))
+    assert not any("MODULI" in text for text in log.warnings)
+    again = Attenuation(band_kHz=band_khz, points=2, kx_per_m=found.kx_per_m)
+    for number, point in enumerate(found.points):
+        own = fixed(point.frequency_hz)
+        alone = ask(case(own if plate is RESIN else METAL, own), again, Run(LOG)).points[number]
+        assert point.taken_db is not None and point.taken_error_db and alone.taken_error_db
+        bar = 1e-9 if plate is RESIN else point.taken_error_db + alone.taken_error_db
+        assert abs(point.taken_db - alone.taken_db) <= bar < 0.01 * point.taken_db
+        assert point.waves[0].ky_re_per_m == pytest.approx(
+            alone.waves[0].ky_re_per_m, rel=1e-9 if plate is RESIN else 1e-3
+        )
 
 
 @pytest.mark.parametrize(
