@@ -95,7 +95,7 @@ def solve(
 
 @dataclass(frozen=True)
 class _Piece:
-    """Row about a frequency, its copy with one degree less along the sides, the plate beside it, and errors of its bands.
+    """Row about a frequency, its copy with one degree less along the sides, the plate next to it, and errors of its bands.
 
     Relative errors; that of the reduction includes what its basis misses of moduli at other frequencies.
     """

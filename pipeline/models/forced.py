@@ -17,7 +17,7 @@ from geometry.tiling import Tiling, tile
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models import parts
+from pipeline.models import own_frequency, parts
 from pipeline.models.answer_parts import DrivenZone
 from pipeline.models.cell_cache import ArrayCache, MatrixCache
 from pipeline.planning import driven_demand, mesh_rules, resource_estimate, simplifications
@@ -61,6 +61,7 @@ from solvers.piezo.responses import (
     resonances_hz,
 )
 from solvers.plates.assembled import PlateModel
+from solvers.superelement.moduli import Moduli
 from solvers.threads import one_thread
 
 FOLLOWS = 0.2  # of its own lowest resonance: below it, motion inside a patch adds at most 4 % to the static deflection
@@ -97,12 +98,13 @@ class SolvedResponse:
 @one_thread()
 def forced_plate(
     case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[MeshRecord] | None = None,
-    is_announced: bool = False, choice: ModelChoice | None = None,
+    is_announced: bool = False, choice: ModelChoice | None = None, own_moduli: bool = False,
 ) -> ForcedPlate:  # fmt: skip
     """Bond the patches and prepare the forced response over a band (default: the case's).
 
     meshes: receives the meshes; is_announced: the plate is one of several, whose resource estimate was logged as a whole;
-    choice: model and mesh of a plan that was logged. InputError for a model that cannot carry patches, and the exceptions of
+    choice: model and mesh of a plan that was logged; own_moduli: those that depend on the frequency are taken at each one,
+    about a reduction with those at the band's middle. InputError for a model that cannot carry patches, and the exceptions of
     the solvers.
     """
     band = driven_band_hz(case, band_hz)
@@ -114,7 +116,12 @@ def forced_plate(
         simplifications.log_all(choice.left_out, log)
     if choice.reduction is None:
         raise InputError(f"{case.name}: solve.model: must be auto or superelement, patches need reduced cells")
-    model = parts.built(case, choice, log, [] if meshes is None else meshes)
+    parted = own_moduli and own_frequency.is_open(case, "plate")
+    if parted:
+        case = own_frequency.at_middle(case, band)
+        for line in own_frequency.of_part(case, "plate").beyond(np.array(band)):
+            log.warning("MATERIAL", line)
+    model = parts.built(case, choice, log, [] if meshes is None else meshes, parted)
     assert isinstance(model, PlateModel)
     return driven(case, model, band, log)
 
@@ -135,7 +142,8 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     if plate.undriven:
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):
-        drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality_factor, patches.circuit, case.air)
+        moduli = Moduli(model.reductions.materials, case.is_lossy) if model.reductions.parted else None
+        drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality_factor, patches.circuit, case.air, moduli)
         choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
         bytes_each = driven_demand.group_bytes(case, choice, _demand(case, band_hz).modes or 0.0)
         return ForcedPlate(plate, case.design, drive, bytes_each=bytes_each, target_window_hz=_search_window_hz(case))
@@ -154,7 +162,7 @@ def solve_response(
     meshes: list[MeshRecord],
 ) -> SolvedResponse:  # fmt: skip
     """Compute the response of the patched plate over a band; InputError for a model that cannot carry patches."""
-    forced = forced_plate(case, log, band_hz, meshes, choice=choice)
+    forced = forced_plate(case, log, band_hz, meshes, choice=choice, own_moduli=True)
     low, high = forced.band_hz
     with log.step("sum the modes"):
         tone, highest = driven_hz(forced), highest_hz(forced, low, high, points, resonances_hz(forced))

@@ -92,11 +92,11 @@ def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[MeshReco
     return built(case, choice, log, meshes)
 
 
-def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> PartModel:
-    """Build the model of a given choice."""
+def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord], parted: bool = False) -> PartModel:
+    """Build the model of a given choice; parted: reduced cells have the stiffness of each material."""
     design, part = case.design, choice.part
     if choice.reduction:
-        return _assembled(design, choice, log, case.is_lossy)
+        return _assembled(design, choice, log, case.is_lossy, parted)
     if choice.edge_m:
         from geometry.tet import scenes
 
@@ -187,7 +187,7 @@ def foot_shares(design: Design, mesh: HexSettings) -> ErrorFractions:
     )
 
 
-def _assembled(design: Design, choice: ModelChoice, log: Log, lossy: bool) -> PlateModel:
+def _assembled(design: Design, choice: ModelChoice, log: Log, lossy: bool, parted: bool) -> PlateModel:
     assert choice.reduction
     reductions = Reductions(
         design.stack,
@@ -196,6 +196,7 @@ def _assembled(design: Design, choice: ModelChoice, log: Log, lossy: bool) -> Pl
         CellCache(),
         *panel_mesher(design, choice, log),
         lossy=lossy,
+        parted=parted,
     )
     with log.step("reduce cells"):
         model = PlateModel(design, reductions, resource_estimate.of_panels(design, choice, choice.reduction))

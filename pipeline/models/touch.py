@@ -227,7 +227,7 @@ def solve(
 
     Raises SolverError if the band contains no target mode.
     """
-    session = _session(case, forced or forced_plate(case, log, band_hz, meshes), log)
+    session = _session(case, forced or forced_plate(case, log, band_hz, meshes, own_moduli=True), log)
     with log.step("the finger's states"):
         mode = loaded_mode(session.touched)
         loop = loop_of(session)

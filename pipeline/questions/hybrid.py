@@ -280,6 +280,8 @@ class Hybrid(
         from pipeline.models.hybrid import DETUNING, driven_inside, solve
 
         forced = run.solved.get("forced")
+        if forced is not None and forced.moduli:  # of a response, frequency by frequency: this needs one plate for all
+            forced = None
         solved = solve(case, run, hz(self.band_kHz), self.points, self.alpha, forced, [] if forced else run.meshes)
         patches, plate, inside = case.patches, solved.forced.plate, int(driven_inside(case).sum())
         assert patches is not None

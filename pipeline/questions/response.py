@@ -366,6 +366,7 @@ class Response(
     needs=("patches",),
     drives=True,
     of_any_plate=True,
+    at_own_frequencies=True,
     example="response studies/three-rows.toml --band 28kHz:38kHz",
 ):
     """Compute the forced response to the patches over a band, with more points about each peak.

@@ -194,6 +194,7 @@ class Touch(
     needs=("patches", "touch"),
     drives=True,
     of_any_plate=True,
+    at_own_frequencies=True,
     example="touch examples/touch-plate.toml --out touched",
 ):
     """Compute detuning (Hz), amplitude, friction and power with a finger on the driven plate (requires [touch]).

@@ -19,6 +19,7 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
 from solvers.errors import SolverError
+from solvers.fem.assembly import Scale
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.missing_mode import largest_outside
@@ -26,6 +27,7 @@ from solvers.measures.confinement import TouchField, strength_force, target_symm
 from solvers.measures.radiation import Air, air_loss_factors, level_db, pressure_pa
 from solvers.measures.target_mode import NONE, Found, Interval, Verdict, search, verdict
 from solvers.piezo.patched_plate import BondErrors, Group, PatchedPlate, PressedPlate, extrapolated_modes
+from solvers.superelement.moduli import Moduli
 from solvers.superelement.plate import WHOLE
 
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are in the residual
@@ -33,6 +35,11 @@ ROWS = 4096  # points of the touch face at once: a share of a field is copied, n
 SOUND_AT_M = 0.5  # before the middle of the touch face
 LOSS = 0.01  # width of a curve's grid where there is no mode
 SAME = 1e-10  # of the largest: directions of the columns that are combinations of the others
+SETTLING = 60  # passes to the moduli at a mode's own frequency: of one that rises with f itself, each halves the rest
+MIXED = 0.3  # of the distance of two modes: a coupling beyond it is not small
+ROUNDING = 1e-13  # relative
+# l_s / (l_s - l_r) of a mode r at the end of the band and the nearest mode s that is not summed
+NEAREST = 1.0 / (1.0 - MARGIN[1] ** -2)
 COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
 
 
@@ -43,7 +50,8 @@ class GroupModes:
     bond: uncertainty due to the mesh beneath the patches; None without a coarser mesh. images: K and M times the
     modes, (dof, modes) each. loss (modes,): 1/Q of each mode; lost (c, c): scaled loss between the columns, None where one
     quality factor stands for all losses, which then damps the modes alone. radiated (modes,): the part of `loss` that the
-    air takes.
+    air takes. parted: what moduli at other frequencies change; the modes' frequencies and losses then have their own, their
+    eigenvalues those of the reduction.
     """
 
     group: Group
@@ -58,10 +66,13 @@ class GroupModes:
     loss: FloatArray = field(default_factory=lambda: np.zeros(0))
     radiated: FloatArray = field(default_factory=lambda: np.zeros(0))
     lost: FloatArray | None = None
+    parted: Parted | None = None
 
     def amplitudes(self, eigenvalue: float | FloatArray, volts: ComplexArray) -> ComplexArray:
         """Coefficients (..., columns) at eigenvalues (...) (scaled frequency squared), per voltages (..., patches)."""
         at = np.asarray(eigenvalue)[..., None]
+        if self.parted is not None:
+            return self._answers(at[..., 0], volts @ self.loads.T)
         if self.lost is not None:
             values, vectors = self._damped
             return np.asarray((volts @ (self.loads.T @ vectors) / (values - at)) @ vectors.T)
@@ -84,15 +95,6 @@ class GroupModes:
         return np.asarray(self.eigenvalue * (1.0 + 1j * self.loss))
 
     @property
-    def between(self) -> FloatArray:
-        """Loss between different modes, (modes, modes), scaled."""
-        count = len(self.eigenvalue)
-        if self.lost is None:
-            return np.zeros((count, count))
-        own = self.lost[:count, :count]
-        return np.asarray(own - np.diag(np.diag(own)))
-
-    @property
     def loads(self) -> FloatArray:
         """Loads (c, patches) in the columns; the modes' own are extrapolated."""
         return np.vstack([self.gain, self.columns[:, len(self.eigenvalue) :].T @ self.group.loads])
@@ -106,12 +108,55 @@ class GroupModes:
         values, turn = np.linalg.eig(whiten.T @ (stiffness + 1j * self.lost) @ whiten)
         return values, np.asarray(whiten @ (turn / np.sqrt((turn**2).sum(axis=0))))
 
+    @cached_property
+    def damping(self) -> FloatArray:
+        """Loss (c, c) between the columns, scaled: of the modes alone where one quality factor stands for all."""
+        if self.lost is not None:
+            return self.lost
+        own = self.group.pencil.scale.eigenvalue(self.frequency_hz) * self.loss
+        return np.diag(np.append(own, np.zeros(self.columns.shape[1] - len(own))))
+
+    def lost_at(self, eigenvalue: float) -> FloatArray:
+        """Loss (c, c) between the columns with the moduli at an eigenvalue, scaled."""
+        return self.damping if self.parted is None else self.damping + self.parted.change(eigenvalue).imag
+
+    @cached_property
+    def _whitened(self) -> tuple[FloatArray, ComplexArray, FloatArray]:
+        """M-orthonormal directions W (c, m) of the columns, K + i H in them, (m, m), and the parts of the materials."""
+        assert self.parted is not None
+        stiffness, mass = self.projected
+        whiten = whitened(mass)
+        parts = whiten.T @ self.parted.parts @ whiten
+        return whiten, np.asarray(whiten.T @ (stiffness + 1j * self.damping) @ whiten), parts
+
+    def _answers(self, at: FloatArray, forces: ComplexArray) -> ComplexArray:
+        """(K + i H - lambda M)^-1 in the columns, with the moduli at eigenvalues at (...), of forces (..., c)."""
+        assert self.parted is not None
+        whiten, stiffness, parts = self._whitened
+        own = forces @ whiten
+        own = np.array(
+            np.broadcast_to(own, np.broadcast_shapes(own.shape, (*at.shape, whiten.shape[1]))), dtype=complex
+        )
+        for place in np.ndindex(at.shape):
+            value = float(at[place])
+            changed = stiffness + np.tensordot(self.parted.steps(value), parts, 1) - value * np.eye(len(stiffness))
+            here = (..., *place, slice(None))
+            own[here] = np.linalg.solve(changed, own[here].reshape(-1, len(changed)).T).T.reshape(own[here].shape)
+        return np.asarray(own @ whiten.T)
+
     def flexibility(self, eigenvalue: float | FloatArray) -> ComplexArray:
         """1 / (lambda_r (1 + i/Q_r) - lambda) of each mode by itself at eigenvalues lambda (...), (..., modes)."""
+        if self.parted is not None:
+            return self.parted.flexibility(self, np.asarray(eigenvalue, dtype=float))
         return np.asarray(1.0 / (self.lossy - np.asarray(eigenvalue)[..., None]))
 
     def receptance(self, eigenvalue: float | FloatArray) -> ComplexArray:
         """theta' u per volt at eigenvalues (...), (..., patches, patches), scaled."""
+        if self.parted is not None:
+            loads = self.loads.T.astype(complex)
+            forces = np.broadcast_to(loads, (*np.shape(eigenvalue), *loads.shape))
+            moved = self._answers(np.asarray(eigenvalue), np.moveaxis(forces, -2, 0)) @ self.loads
+            return np.moveaxis(moved, 0, -2)
         if self.lost is not None:
             values, vectors = self._damped
             gain = self.loads.T @ vectors
@@ -137,6 +182,57 @@ class GroupModes:
         """Part of the modes beyond the band in the receptance at eigenvalues (...), (..., patches, patches), scaled."""
         away = np.asarray(eigenvalue - self.middle)[..., None, None]
         return np.asarray(self.residual_gain[0] + away * self.residual_gain[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Parted:
+    """Moduli over frequency of a plate, and the stiffness of each material between columns, (materials + 1, c, c).
+
+    The last part is what K of the plate has more than the others; it takes the mean of their changes.
+    """
+
+    moduli: Moduli
+    scale: Scale
+    parts: FloatArray
+
+    def steps(self, eigenvalue: float) -> ComplexArray:
+        """Changes of the parts' moduli at a scaled eigenvalue, (materials + 1,)."""
+        return self.moduli.steps(float(self.scale.frequency(np.array(eigenvalue))))
+
+    def change(self, eigenvalue: float) -> ComplexArray:
+        """What moduli at a scaled eigenvalue change of K + i H, (c, c)."""
+        return np.asarray(np.tensordot(self.steps(eigenvalue), self.parts, 1))
+
+    def flexibility(self, basis: GroupModes, at: FloatArray) -> ComplexArray:
+        """`GroupModes.flexibility` with the moduli at eigenvalues (...), (..., modes)."""
+        count = len(basis.eigenvalue)
+        own = basis.eigenvalue + 1j * np.diag(basis.damping)[:count]
+        diagonals = self.parts[:, range(count), range(count)]
+        changed = np.array([own + self.steps(float(value)) @ diagonals for value in at.ravel()])
+        return np.asarray(1.0 / (changed.reshape(*at.shape, count) - at[..., None]))
+
+    def settled(self, basis: GroupModes) -> tuple[FloatArray, FloatArray]:
+        """Eigenvalues of the modes with the moduli at their own frequencies, and their loss factors then, (modes,) each.
+
+        To second order in the changes, whose part between two modes mixes them unless they are as close as it is large.
+        """
+        count = len(basis.eigenvalue)
+        own, parts = np.diag(basis.eigenvalue) + 1j * basis.damping[:count, :count], self.parts[:, :count, :count]
+        values = np.array(basis.eigenvalue, dtype=complex)
+        for place in range(count):
+            for _ in range(SETTLING):
+                changed = own + np.tensordot(self.steps(float(values[place].real)), parts, 1)
+                apart = changed[place, place] - np.diag(changed)
+                between = np.where(np.abs(changed[place]) < MIXED * np.abs(apart), changed[place], 0.0)
+                mixed = np.divide(between**2, apart, out=np.zeros_like(between), where=between != 0.0)
+                before, values[place] = values[place], changed[place, place] + mixed.sum()
+                if abs(values[place] - before) <= ROUNDING * abs(before):
+                    break
+        return values.real, values.imag / values.real
+
+    def missed(self, frequency_hz: FloatArray) -> FloatArray:
+        """Bound what the columns miss of frequencies (n,) in Hz with the moduli there, relative."""
+        return np.array([NEAREST * self.moduli.missed(float(tone)) / 2.0 for tone in frequency_hz])
 
 
 @dataclass(frozen=True)
@@ -170,7 +266,8 @@ class Drive:
     """Actuators and sensor patches by number, the band, and every mode's quality factor; None for that of the materials.
 
     circuit: the actuators hold a voltage (short) or a charge (open). air: before the plate, its sound adds to the loss of
-    the materials. Raises SolverError for an invalid drive.
+    the materials. moduli: taken at each frequency, of a plate with the stiffness of each material. Raises SolverError for
+    an invalid drive.
     """
 
     drivers: tuple[int, ...]
@@ -179,6 +276,7 @@ class Drive:
     quality_factor: float | None
     circuit: str = "short"
     air: Air | None = None
+    moduli: Moduli | None = None
 
     def __post_init__(self) -> None:
         if not ((self.quality_factor is None or self.quality_factor > 0.0) and 0.0 < self.band_hz[0] < self.band_hz[1]):
@@ -210,7 +308,7 @@ class ForcedPlate:
     ) -> None:
         self.plate, self.design, self.band_hz, self.circuit = plate, design, drive.band_hz, drive.circuit
         self.drivers, self.sensors, self.quality_factor = list(drive.drivers), list(drive.sensors), drive.quality_factor
-        self.air = drive.air
+        self.air, self.moduli = drive.air, drive.moduli
         self.margin, self.target_window_hz = margin, target_window_hz
         target = {target_symmetry(design.nodal_lines), WHOLE} if target_window_hz else set()
 
@@ -229,8 +327,10 @@ class ForcedPlate:
     def _damped(self, basis: GroupModes) -> GroupModes:
         """The modes with their loss: that of the given quality factor, or of the materials."""
         if self.quality_factor is None:
-            return damped(replace(basis, radiated=radiated(basis, self.air)))
-        return replace(basis, loss=np.full(len(basis.eigenvalue), 1.0 / self.quality_factor))
+            basis = damped(replace(basis, radiated=radiated(basis, self.air)))
+        else:
+            basis = replace(basis, loss=np.full(len(basis.eigenvalue), 1.0 / self.quality_factor))
+        return with_moduli(basis, self.moduli) if self.moduli else basis
 
     @property
     def losses(self) -> FloatArray:
@@ -645,6 +745,35 @@ def damped(basis: GroupModes) -> GroupModes:
     lost = scale[:, None] * (lost + lost.T) / 2.0 * scale
     lost[np.arange(count), np.arange(count)] += basis.radiated * basis.eigenvalue
     return replace(basis, loss=np.diag(lost)[:count] / basis.eigenvalue, lost=lost)
+
+
+def with_moduli(basis: GroupModes, moduli: Moduli) -> GroupModes:
+    """Let the moduli of a group's plate depend on the frequency.
+
+    Parameters
+    ----------
+    basis : GroupModes
+        Modes and residual vectors with the moduli of the plate's reduction, and their loss.
+    moduli : Moduli
+        Materials of that reduction.
+
+    Returns
+    -------
+    GroupModes
+        The same columns; frequencies (Hz) and loss factors of the modes are those with the moduli at their own frequency.
+
+    Raises
+    ------
+    SolverError
+        If the plate was reduced without the parts of its materials.
+    """
+    if basis.group.parted is None:
+        raise SolverError("the plate was reduced without the parts of its materials")
+    scale = basis.group.pencil.scale
+    parted = Parted(moduli, scale, basis.group.parted(basis.columns))
+    values, loss = parted.settled(basis)
+    own = replace(basis, parted=parted, frequency_hz=scale.frequency(values))
+    return own if basis.lost is None else replace(own, loss=loss)
 
 
 def radiated(basis: GroupModes, air: Air | None) -> FloatArray:

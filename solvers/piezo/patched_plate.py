@@ -67,7 +67,7 @@ class Group:
     them, on demand.
 
     damping: loss (k, k) between motions (dof, k), by the stiffness of each material times its loss factor; None where it is
-    not known.
+    not known. parted: stiffness of each material between motions, and what K of the plate has more, (materials + 1, k, k).
     Parts of the load: by_modes, due to the panels' discarded modes at rest; inertia, proportional to the eigenvalue, at that
     one. yielding: energies (k,) of F under the forces of the patches in motions (dof, k); None without patches.
     coarser: the same classes on a coarser mesh of the patches; None where there is none.
@@ -82,6 +82,7 @@ class Group:
     yielding: Callable[[FloatArray], FloatArray] | None = None
     coarser: CoarserBond | None = None
     damping: Callable[[FloatArray], FloatArray] | None = None
+    parted: Callable[[FloatArray], FloatArray] | None = None
 
     @cached_property
     def pencil(self) -> PlainPencil:
@@ -216,6 +217,7 @@ class PatchedPlate:
             partial(self._yielding, plates),
             CoarserBond(partial(self._pencil, plates, -1), coarse, coarse_inertia, shares) if shares else None,
             partial(self._lost, plates),
+            partial(self._parted, plates),
         )
 
     def _cannot_drive(self, plates: list[AssembledPlate], number: int) -> bool:
@@ -294,6 +296,11 @@ class PatchedPlate:
             own = moved[0] @ vectors
             total += count * own.T @ bond.finest.loss @ own
         return np.asarray(total)
+
+    def _parted(self, plates: list[AssembledPlate], vectors: FloatArray) -> FloatArray:
+        """Stiffness of each material of the plate between motions (dof, k), and what K has more, (materials + 1, k, k)."""
+        parts = np.split(vectors, np.cumsum([plate.dof for plate in plates])[:-1])
+        return np.sum([plate.parted(part) for plate, part in zip(plates, parts, strict=True)], axis=0)
 
     def _distinct(self, plates: list[AssembledPlate]) -> list[tuple[int, _Bond, list[sp.csr_array]]]:
         """The patches that are no other's image in the classes: how many of each, itself and its motions."""
@@ -404,7 +411,7 @@ class PressedPlate:
 
     def _group(self, plate: AssembledPlate, design: Design, pressed: bool) -> Group:
         load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)
-        return Group((plate,), plate.pencil, load[:, None], damping=plate.lost)
+        return Group((plate,), plate.pencil, load[:, None], damping=plate.lost, parted=plate.parted)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from solvers.accuracy.reduction import MARGIN, by_degrees, by_mesh, by_modes, la
 from solvers.control.identification import half_power_quality_factor
 from solvers.measures.confinement import ratio_db
 from solvers.piezo.bond import Contact, displacement_at, mirror_signs
-from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, whitened
+from solvers.piezo.forced import SETTLING, Curve, ForcedPlate, GroupModes, whitened
 from solvers.piezo.patched_plate import Group
 from solvers.superelement.plate import WHOLE
 
@@ -334,7 +334,22 @@ def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, 
     capacitance = plate.capacitance_f[list(opened)] / plate.stiffness_unit
     stiffness = stiffness + (charge / capacitance) @ charge.T
     eigenvalue, vectors = ritz_modes(stiffness, mass)
-    return plate.scale.frequency(eigenvalue), np.asarray((mass @ vectors).T)
+    return plate.scale.frequency(_with_own_moduli(forced, eigenvalue, vectors)), np.asarray((mass @ vectors).T)
+
+
+def _with_own_moduli(forced: ForcedPlate, eigenvalue: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Eigenvalues (k,) of vectors (columns of all groups, k) with the moduli at their own frequencies."""
+    parted = [basis.parted for basis in forced.modes if basis.parted is not None]
+    if not parted:
+        return eigenvalue
+    ends = np.cumsum([basis.columns.shape[1] for basis in forced.modes])[:-1]
+    pairs = list(zip(parted, np.split(vectors, ends), strict=True))
+    parts = np.sum([np.einsum("ik,mij,jk->mk", own, each.parts, own, optimize=True) for each, own in pairs], axis=0)
+    values = eigenvalue.copy()
+    for _ in range(SETTLING):
+        steps = np.array([parted[0].steps(value).real for value in values.tolist()])
+        values = eigenvalue + np.einsum("km,mk->k", steps, parts)
+    return np.asarray(values)
 
 
 def ritz_modes(stiffness: FloatArray, mass: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -608,6 +623,8 @@ def _estimated(basis: GroupModes) -> FrequencyErrors:
         modes += by_modes(plate, value, part)
     last = np.concatenate([last_degree(plate) for plate in group.plates])
     reduction = MARGIN * (modes + by_degrees(group.pencil, vectors, last, basis.images))
+    if basis.parted is not None:
+        reduction = reduction + basis.parted.missed(basis.frequency_hz)
     return FrequencyErrors(mesh, reduction, _bonding(basis, vectors))
 
 
@@ -617,7 +634,10 @@ def _bonding(basis: GroupModes, vectors: FloatArray) -> FloatArray:
         return np.zeros(len(value))
     if basis.bond is None:
         return np.full(len(value), np.nan)
-    return np.asarray(basis.bond.frequency + _growth(group, value) * group.yielding(vectors) / (2.0 * value))
+    unknown = _growth(group, value)
+    if basis.parted is not None:  # the plate beneath the patches yields with the moduli of the reduction
+        unknown = unknown + [np.abs(basis.parted.steps(each)).max() for each in value.tolist()]
+    return np.asarray(basis.bond.frequency + unknown * group.yielding(vectors) / (2.0 * value))
 
 
 def _growth(group: Group, value: float | FloatArray) -> Any:

@@ -37,6 +37,16 @@ class Moduli:
             return own.astype(complex)
         return np.asarray(own * [1.0 + 1j * material.at_hz(frequency_hz).lost for material in self.materials])
 
+    @property
+    def taken(self) -> ComplexArray:
+        """The factors of the reduction itself, 1 + i eta of each material, (materials,)."""
+        return np.array([1.0 + 1j * (material.lost if self.is_lossy else 0.0) for material in self.materials])
+
+    def steps(self, frequency_hz: float) -> ComplexArray:
+        """Return what the factors at a frequency in Hz are more than those of the reduction, and the mean, (materials + 1,)."""
+        step = self.factors(frequency_hz) - self.taken
+        return np.append(step, step.mean())
+
     def middle(self, frequency_hz: float) -> float:
         """Return the middle between the smallest and the largest of `stiffening`."""
         own = self.stiffening(frequency_hz)

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from operator import attrgetter
 
 import numpy as np
 import scipy.sparse as sp
@@ -92,6 +93,16 @@ class AssembledPlate:
     def lost(self, vectors: FloatArray) -> FloatArray:
         """Loss between motions, u' (sum of loss factor times stiffness) u, (k, k). SolverError for cells without it."""
         return np.asarray(vectors.T @ (self.of_cells(loss_of) @ vectors))
+
+    def parted(self, vectors: FloatArray) -> FloatArray:
+        """Stiffness of each material between motions (dof, k), and what K has more, (materials + 1, k, k).
+
+        SolverError for cells without the parts of their materials.
+        """
+        count = max(len(cell.by_material) for cell in self.cells if cell.by_material is not None)
+        each = [vectors.T @ (self.of_cells(partial(part_of, number)) @ vectors) for number in range(count)]
+        whole = vectors.T @ (self.of_cells(attrgetter("stiffness")) @ vectors)
+        return np.array([*each, whole - np.sum(each, axis=0)])
 
     def of_cells(self, matrix: Callable[[Cell], FloatArray]) -> sp.csc_array:
         """The cells' matrices (cell dof, cell dof) summed over the plate, (dof, dof), without entries of rounding alone."""

@@ -32,6 +32,7 @@ from solvers.touch import touched_plate
 from solvers.touch.touched_plate import TouchedPlate, rms, with_loads
 
 PASSES, STEPS = 30, 12  # steps: of the linearised problem, of inverse iteration
+SLIGHT = 1e-6  # relative step of a derivative
 NEAR, SETTLED = 1e-4, 1e-12  # relative change of an eigenvalue between them
 
 COPIES = 6  # of a group's loads that are held at once: loads, residual vectors, slopes, and the three stacked
@@ -83,8 +84,14 @@ class _Problem:
     def __init__(self, touched: TouchedPlate, slopes: bool) -> None:
         self.touched = touched
         self.unit, count = touched.plate.stiffness_unit, len(touched.plate.patches)
-        self.own: ComplexArray = np.concatenate([basis.lossy for basis in touched.modes])
-        self.between: ComplexArray = 1j * scipy.linalg.block_diag(*(basis.between for basis in touched.modes))
+        counts = [len(basis.eigenvalue) for basis in touched.modes]
+        damping = [basis.damping[:count, :count] for basis, count in zip(touched.modes, counts, strict=True)]
+        own = [np.diag(basis.eigenvalue) + 1j * lost for basis, lost in zip(touched.modes, damping, strict=True)]
+        self.own: ComplexArray = scipy.linalg.block_diag(*own)
+        self.parted = next((basis.parted for basis in touched.modes if basis.parted is not None), None)
+        known = [basis.parted.parts for basis in touched.modes if basis.parted is not None]
+        blocks = [[part[:count, :count] for part in parts] for parts, count in zip(known, counts, strict=False)]
+        self.parts: FloatArray = np.array([scipy.linalg.block_diag(*each) for each in zip(*blocks, strict=True)])
         self.gain: FloatArray = np.vstack([basis.gain[:, count:] for basis in touched.modes])
         if slopes not in touched.beyond:
             touched.beyond[slopes] = [_beyond(basis, count, slopes) for basis in touched.modes]
@@ -100,9 +107,17 @@ class _Problem:
         turn = np.linalg.inv(np.eye(len(residual)) + stiffness * residual)
         change = turn @ (stiffening * np.eye(len(residual)) - stiffness**2 * slope) @ turn
         matrix, derivative = (self.unit * self.gain @ each @ self.gain.T for each in (stiffness * turn, change))
-        return np.asarray(matrix + np.diag(self.own - value) + self.between), np.asarray(
-            derivative - np.eye(len(self.own))
-        )
+        one, (stiffer, slope_of_moduli) = np.eye(len(self.own)), self._moduli(value)
+        return matrix + self.own - value * one + stiffer, derivative - one + slope_of_moduli
+
+    def _moduli(self, value: complex) -> tuple[ComplexArray, ComplexArray]:
+        """What moduli at the frequency of an eigenvalue change of the modes' K + i H, and its derivative, (modes, modes)."""
+        if self.parted is None:
+            return np.zeros_like(self.own), np.zeros_like(self.own)
+        here, ahead = (self.parted.steps(factor * value.real) for factor in (1.0, 1.0 + SLIGHT))
+        slope = (ahead - here) / (SLIGHT * value.real)
+        stiffer, derivative = (np.tensordot(each, self.parts, 1) for each in (here, slope))
+        return np.asarray(stiffer), np.asarray(derivative)
 
     def _finger(self, value: complex) -> tuple[complex, complex]:
         """D and dD/dlambda."""
@@ -114,7 +129,8 @@ class _Problem:
 
     def _residual(self, value: complex) -> tuple[ComplexArray, ComplexArray]:
         """Part of the modes beyond the band in the receptance, damped as the others, and its derivative."""
-        inverse, gain = 1.0 / (self.beyond - value), self.beyond_gain
+        stiffer = 1.0 if self.parted is None else 1.0 + complex(self.parted.steps(value.real)[-1])
+        inverse, gain = 1.0 / (stiffer * self.beyond - value), self.beyond_gain
         residual, slope = (self.unit * gain.T @ (each[:, None] * gain) for each in (inverse, inverse**2))
         missing = self.touched.missing
         return residual if missing is None else residual + missing, slope
@@ -535,7 +551,7 @@ def drive_share(load: float, lag: float = 0.0) -> float:
 
 def _likeliest(problem: _Problem, row: int, low: float, high: float) -> tuple[complex, ComplexArray] | None:
     """Eigenvalue between two limits whose vector holds most of a mode, to NEAR."""
-    value = complex(problem.own[row])
+    value = complex(problem.own[row, row])
     for _ in range(PASSES):
         matrix, slope = problem.at(value)
         # N linearised about v, (N - v N' + mu N') x = 0, has every eigenvalue near v at once

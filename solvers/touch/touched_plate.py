@@ -25,7 +25,7 @@ from solvers.fem.eigen import factor_near
 from solvers.fem.factor import Factoriser
 from solvers.fem.solid import constrain, free_mask
 from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, grid_weights, positive_part
-from solvers.piezo.forced import ForcedPlate, GroupModes, damped, residual_vectors
+from solvers.piezo.forced import ForcedPlate, GroupModes, damped, residual_vectors, with_moduli
 from solvers.piezo.patch import StaticCorrection
 from solvers.piezo.patched_plate import Group
 from solvers.piezo.responses import face_motion
@@ -428,6 +428,8 @@ def _first_loads(basis: GroupModes, kept: int) -> GroupModes:
         gain=basis.gain[:, :kept],
         columns=basis.columns[:, columns],
         residual_gain=(basis.residual_gain[0][:kept, :kept], basis.residual_gain[1][:kept, :kept]),
+        lost=None if basis.lost is None else basis.lost[np.ix_(columns, columns)],
+        parted=basis.parted and replace(basis.parted, parts=basis.parted.parts[:, columns[:, None], columns]),
     )
 
 
@@ -460,7 +462,8 @@ def with_loads(basis: GroupModes, loads: FloatArray) -> GroupModes:
         columns=np.hstack([vectors, residuals, slopes]),
         residual_gain=(everything.T @ residuals, everything.T @ slopes),
     )
-    return loaded if basis.lost is None else damped(loaded)
+    loaded = loaded if basis.lost is None else damped(loaded)
+    return loaded if basis.parted is None else with_moduli(loaded, basis.parted.moduli)
 
 
 # -- power -------------------------------------------------------------------------------------------------------------
@@ -515,9 +518,7 @@ def power(touched: TouchedPlate, frequency_hz: float, loss_tangent: float | None
     modal = 0.0
     for basis in touched.modes:
         amplitudes = basis.amplitudes(eigenvalue, loads)
-        lost = np.diag(basis.loss * basis.eigenvalue) if basis.lost is None else basis.lost
-        amplitudes = amplitudes[: len(lost)]
-        modal += float((amplitudes.conj() @ lost @ amplitudes).real)
+        modal += float((amplitudes.conj() @ basis.lost_at(eigenvalue) @ amplitudes).real)
     finger = touched.finger
     amplitude = rms(touched.contact_motion(frequency_hz))
     return Power(
