@@ -360,7 +360,8 @@ class VariedPlate:
             own = [2 * i == grid.nx - 1, 2 * j == grid.ny - 1]  # the cell is its own image
             parts = self._cell_motions(place)
             for flip in np.ndindex(2, 2):
-                if any(turned and same for turned, same in zip(flip, own, strict=True)):
+                # of a plate solved whole, every panel is one of its own
+                if any(turned and (same or grid.whole) for turned, same in zip(flip, own, strict=True)):
                     continue
                 turn = [-1.0 if turned else 1.0 for turned in flip]
                 motion = self._turned(parts, turn)

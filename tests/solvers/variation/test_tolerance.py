@@ -12,14 +12,16 @@ import scipy.sparse.linalg as spla
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS, Stack
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
 from geometry.tiling import signature
 from solvers.errors import SolverError
 from solvers.measures.confinement import target_shape
 from solvers.piezo.forced import MARGIN, Drive, ForcedPlate
-from solvers.piezo.patched_plate import CLASSES, PressedPlate
+from solvers.piezo.patch import bonded_patch
+from solvers.piezo.patched_plate import CLASSES, PatchedPlate, PressedPlate
 from solvers.plates.assembled import PlateModel
 from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.plate import WHOLE
 from solvers.variation.cells import VariedReductions
 from solvers.variation.samples import Deviations, VariedPlate, spread
 
@@ -68,6 +70,28 @@ def stand(height_m: float = PILLAR.height_m, staggered: bool = False) -> Stand:
     made, reductions = model(design)
     forced = pressed(made, design)
     return Stand(design, made, reductions, forced, VariedPlate(forced, reductions.families))
+
+
+def test_a_plate_solved_whole_varies_as_by_its_classes():
+    """A patch that no mirror leaves alone couples all classes: each pillar counts once, not with its mirror images."""
+    design, (made, reductions) = DESIGN, model(DESIGN)
+    box = np.array([-3e-3, 5e-3, -2e-3, 3e-3])
+    patch = bonded_patch(PIEZO_MATERIALS["pz26"], box, 0.3e-3, False, HexSettings(2, 4e-3, 1, 0.15))
+    found, moved = [], []
+    for symmetries in (CLASSES, (WHOLE,)):
+        plate = PatchedPlate({each: made.assembled(each) for each in symmetries}, [patch], False)
+        varied = VariedPlate(ForcedPlate(plate, design, Drive((0,), (), BAND_HZ, QUALITY)), reductions.families)
+        assert varied.pillars == pytest.approx(stand().varied.pillars)
+        change = DEVIATIONS.draw(len(varied.pillars), 1, 1)[0]
+        tones, still = (
+            np.sort(plate.scale.frequency(varied.sample(each).eigenvalue)) for each in (change, 0.0 * change)
+        )
+        found.append(tones[:8])  # the modes: beyond them come answers to the patch
+        moved.append(tones[:8] - still[:8])
+    assert found[1] == pytest.approx(
+        found[0], abs=MOVED * np.abs(moved[0]).max()
+    )  # counted four times: three times that
+    assert np.abs(moved[1] - moved[0]).max() < MOVED * np.abs(moved[0]).max()
 
 
 class Whole:
