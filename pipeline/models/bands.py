@@ -37,7 +37,7 @@ from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
 from solvers.accuracy.mesh import largest
 from solvers.accuracy.reduction import MeshErrors, ModeErrors, mesh_error, truncation_bars, waves_of
-from solvers.measures.loss import quality_and_bar
+from solvers.measures.loss import of_discarded, quality_and_bar
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import ReductionSettings
 from solvers.superelement.lattice import Periodic, ReducedLattice, Waves, times
@@ -515,11 +515,7 @@ def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool
 
 
 def _quality(case: Case, lattice: ReducedLattice, waves: Sequence[Waves], error: FloatArray) -> FloatArray:
-    """Quality factors of the waves by where their strain energy sits, and their half-widths, (2, n, bands).
-
-    Discarded modes hold a share s of the energy, by which they soften a wave, and take part in it orthogonally: what the
-    materials' loss factors differ by changes the loss of the wave by at most that times s^(1/2) + s.
-    """
+    """Quality factors of the waves by where their strain energy sits, and their half-widths, (2, n, bands)."""
     known = [material.lost for material in case.design.materials]
     most, least, loss, count = max(known), min(known), loss_of(lattice.cell), error.shape[1]
     out = np.full((2, *error.shape), np.nan)
@@ -530,11 +526,9 @@ def _quality(case: Case, lattice: ReducedLattice, waves: Sequence[Waves], error:
         )
         for band in np.flatnonzero(each.eigenvalue[:count] > 0.0):
             bar, factor = error[place, band], float(lost[band] / held[band])
-            softened = abs(float(held[band] / each.eigenvalue[band]) - 1.0)
+            softened = np.abs(held[band] / each.eigenvalue[band] - 1.0)
             of_wave = None if np.isnan(bar) else float(bar)
-            out[:, place, band] = quality_and_bar(
-                factor, most, of_wave, (most - least) * (np.sqrt(softened) + softened)
-            )
+            out[:, place, band] = quality_and_bar(factor, most, of_wave, float(of_discarded(most, least, softened)))
     return np.where(out[1] >= out[0], np.nan, out)  # a bar as wide as its figure leaves none
 
 

@@ -49,7 +49,7 @@ from pipeline.quantity import level as level_text
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
 from solvers.accuracy.mesh import largest
-from solvers.accuracy.reduction import ModeErrors, mode_errors, more_below
+from solvers.accuracy.reduction import ModeErrors, by_modes, mode_errors, more_below
 from solvers.fem.eigen import Count, Modes, PlainPencil, Shared, modes_in_band, modes_near
 from solvers.fem.factor import parallel_map
 from solvers.fem.missing_mode import largest_outside
@@ -64,7 +64,7 @@ from solvers.measures.confinement import (
     strength_force,
     target_symmetry,
 )
-from solvers.measures.loss import loss_factors, quality_and_bar
+from solvers.measures.loss import loss_factors, of_discarded, quality_and_bar
 from solvers.measures.radiation import air_loss_factors
 from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
@@ -372,7 +372,8 @@ def with_quality(case: Case, part_modes: PartModes) -> PartModes:
     if not case.is_lossy and air is None:
         return part_modes
     known = {(row.symmetry, row.column): row for row in (*part_modes.all_rows(True), *_beyond(part_modes))}
-    most = max(material.lost for material in case.design.materials) if case.is_lossy else 0.0
+    lost = [material.lost for material in case.design.materials] if case.is_lossy else [0.0]
+    most, least = max(lost), min(lost)
     quality: dict[tuple[str | None, int], dict[str, Any]] = {}
     for symmetry in {key[0] for key in known}:
         rows = sorted((row for key, row in known.items() if key[0] == symmetry), key=_place)
@@ -385,7 +386,11 @@ def with_quality(case: Case, part_modes: PartModes) -> PartModes:
             radiated = air_loss_factors(touch, symmetry, solved_hz, air)
         own = np.full((2, len(rows)), np.nan)
         if case.is_lossy:
-            own = np.array(loss_factors(model.scale.eigenvalue(solved_hz), model.lost(symmetry, vectors)))
+            value = model.scale.eigenvalue(solved_hz)
+            own = np.array(loss_factors(value, model.lost(symmetry, vectors)))
+            own[1] = np.abs(own[1])
+            if isinstance(model, PlateModel):
+                own[1] += of_discarded(most, least, 2.0 * by_modes(model.assembled(symmetry), value, vectors))
         for row, factor, change, sound in zip(rows, *own.tolist(), radiated.tolist(), strict=True):
             own_q = quality_and_bar(factor, most, row.error, change, sound) if case.is_lossy else (None, None)
             quality[symmetry, row.column] = dict(zip(("quality_factor", "quality_error"), own_q, strict=True))

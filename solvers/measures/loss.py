@@ -53,6 +53,27 @@ def quality_and_bar(
     return 1.0 / total, None if half is None else float(half) / total**2
 
 
+def of_discarded(most: float, least: float, softened: FloatArray) -> FloatArray:
+    """Bound what discarded fixed-interface modes change of a loss factor.
+
+    They hold a share s of the energy, by which they soften a mode or a wave, and take part in it orthogonally: the loss changes
+    by at most (s^(1/2) + s) times what the materials' loss factors differ by.
+
+    Parameters
+    ----------
+    most, least : float
+        Largest and smallest loss factor of a material.
+    softened : ndarray, shape (k,)
+        Relative change s of the eigenvalues by the discarded modes.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Largest change of the loss factors.
+    """
+    return np.asarray((most - least) * (np.sqrt(softened) + softened))
+
+
 def loss_factors(eigenvalue: FloatArray, loss: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Compute the loss factors 1/Q of modes, and what the loss between the modes adds to them.
 

@@ -19,11 +19,12 @@ from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import PartModes, Request, solve_modes
+from solvers.accuracy.reduction import by_modes
 from solvers.errors import SolverError
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import TouchField
-from solvers.measures.loss import SHARES, loss_factors
+from solvers.measures.loss import SHARES, loss_factors, of_discarded
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import StaticCorrection, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, PressedPlate
@@ -110,6 +111,24 @@ def test_a_reduced_plate_loses_what_its_solid_does():
     truncated = 2.0 * np.abs(tones[1] / tones[0] - 1.0)
     most = max(material.lost for material in DESIGN.materials)
     assert (np.abs(factors[1] / factors[0] - 1.0) < SHARES * truncated * (1.0 + np.sqrt(most / factors[0]))).all()
+
+
+def test_discarded_modes_change_no_more_of_a_loss_than_their_bound():
+    """A reduction without modes above 70 kHz against the ample one, of the same mesh and boundary functions."""
+    found, (most, least) = [], (pick(each.lost for each in DESIGN.materials) for pick in (max, min))
+    for top_hz in (70e3, 300e3):
+        reductions = Reductions(
+            DESIGN.stack, DESIGN.pillar, ReductionSettings(Interface(6, 3), top_hz, HEXAHEDRA, 4e-3), lossy=True
+        )
+        model = PlateModel(DESIGN, reductions)
+        modes = modes_near(model.pencil("SS"), 40e3, 8)
+        value = model.scale.eigenvalue(modes.frequency_hz)
+        found.append((loss_factors(value, model.lost("SS", modes.vectors))[0], value, modes.vectors, model))
+    (factor, value, vectors, model), (ample, *_) = found
+    bound = of_discarded(most, least, 2.0 * by_modes(model.assembled("SS"), value, vectors))
+    moved = np.abs(factor - ample)
+    assert moved.max() > 1e-3 * ample.max()  # they do count
+    assert (moved <= bound).all()
 
 
 def test_the_response_is_that_of_complex_moduli():
