@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from math import inf, nan, sqrt
 from typing import TYPE_CHECKING
 
@@ -127,6 +128,14 @@ def unusual_size(design: Design) -> str | None:
         "a solid is not homogeneous at the size of its grains" if min(odd) < USUAL_MM[0] else "nothing is a touch plate"
     )
     return f"a length is {figure(odd[0])} mm, not {span(USUAL_MM)}: {why} there; check the units (mm)"
+
+
+def warn_of_moduli(materials: Iterable[Material], log: Log) -> None:
+    """Log the frequency at which a command takes moduli that depend on it."""
+    for material in materials:
+        if material.spectrum:
+            taken = f"its moduli are those at {material.taken_hz:g} Hz: solve.moduli_kHz sets another frequency"
+            log.warning("MODULI", f"{material.name}: {taken}")
 
 
 def short_wave(design: Design) -> str | None:

@@ -147,6 +147,12 @@ class Case:
             raise InputError(f'{self.source or self.name}: damping.quality = "materials": {what}')
         return self.quality_factor
 
+    def require_mirrored(self, command: str) -> None:
+        """Raise InputError where the plate's material has no mirrors in x and y, of which a command takes the halves."""
+        if not {"x", "y"} <= {*self.design.stack.mirrors}:
+            what = "needs a plate that is its own mirror image along x and y: turn the material's axes back"
+            raise InputError(f"{self.source or self.name}: {command} {what}")
+
     @property
     def target_symmetry(self) -> str | None:
         """Mirror signs of u_z in the target mode, x then y: N nodes are even when N is.

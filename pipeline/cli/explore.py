@@ -8,7 +8,7 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.case.limits import warn_of_doubts
+from pipeline.case.limits import warn_of_doubts, warn_of_moduli
 from pipeline.case.model import case_from_dict
 from pipeline.case.reading import read_toml
 from pipeline.logs import TerminalLog
@@ -30,6 +30,8 @@ def run(arguments: Namespace) -> int:
     log = TerminalLog(arguments.quiet)
     case.refuse_unused((), "explore")
     warn_of_doubts(case.design, log)
+    if case.solve.moduli_kHz is None:
+        warn_of_moduli(case.materials, log)
     explorer = explorer_of(case, raw, tuple(arguments.set), log)
     if arguments.export:
         export(explorer, Path(arguments.export), log)

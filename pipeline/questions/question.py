@@ -346,15 +346,14 @@ def ask(case: Case | None, question: Question[R], log: Log | Run) -> R:
     """
     from importlib.metadata import version
 
+    from pipeline.case.limits import warn_of_moduli
+
     run = log if isinstance(log, Run) else Run(log)
     assert case is not None or question.without_case is not None
     about = question.suited(case)
     before = len(run.warnings)
     if about and not question.at_own_frequencies and about.solve.moduli_kHz is None:
-        for material in about.materials:
-            if material.spectrum:
-                taken = f"its moduli are those at {material.taken_hz:g} Hz: solve.moduli_kHz sets another frequency"
-                run.warning("MODULI", f"{material.name}: {taken}")
+        warn_of_moduli(about.materials, run)
     plan = NO_PLAN if question.is_quick else question.plan(about)
     if plan:
         announce(plan, run)

@@ -251,6 +251,8 @@ class Tolerance(
         """Raise InputError for a case without pillars or deviations."""
         case.require_plate(command="tolerance")
         case.require("tolerance", "pillar", command="tolerance")
+        case.one_quality_factor("tolerance")
+        case.require_mirrored("tolerance")
 
     def plan(self, case: Case) -> Plan:
         return plans.plan_of(case, plans.tolerance_step(case, hz(self.band_kHz)))

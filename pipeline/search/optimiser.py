@@ -380,6 +380,7 @@ def check(space: Space, settings: Settings) -> None:
     case.require_plate(command="search", several=True)
     case.require("pillar", "array.pitch_mm", command="search")
     case.one_quality_factor("search")
+    case.require_mirrored("search")
     varied = {variable.key for variable in space.variables}
     _check_zones(case, varied, settings)
     if not case.design.rows and "array.rows" not in varied:
