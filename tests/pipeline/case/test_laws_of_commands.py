@@ -32,7 +32,7 @@ LAWS: dict[str, dict[str, Any]] = {
         "plate": {"layer": [{"material": "glass", "thickness_mm": 1.2}, {"material": "aluminium", "thickness_mm": 0.8}]}
     },
     "sections": {
-        "pillar": {"section": [{"height_mm": 3.0, "material": "epoxy"}, {"height_mm": 3.0, "material": "steel"}]}
+        "pillar": {"section": [{"height_mm": 4.5, "material": "epoxy"}, {"height_mm": 1.8, "material": "steel"}]}
         | {"side_mm": 2.0}
     },
     "young_GPa_at": {
