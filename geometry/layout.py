@@ -17,6 +17,7 @@ from geometry.elements import BoolArray, FloatArray
 from geometry.lattice import Lattice
 from geometry.materials import Layer, Material, PiezoMaterial, Stack
 from geometry.pillar_shapes import PillarShape, shape_of
+from geometry.supports import Support, are_mirrored
 
 SHORT = 2.0  # half-wavelength over thickness: there thin-plate theory is 45 % too high, Mindlin's a few percent
 ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fractions say
@@ -339,6 +340,8 @@ class Design:
         Centre (x, y) of the zone, or of all zones together, from that of the plate.
     surround : bool
         Whether rows stand on all four sides of the zone, with closed corners.
+    supports : tuple of Support
+        Supports of the plate; free without.
     """
 
     length_m: float
@@ -422,6 +425,8 @@ class Design:
         """Rectangle x0, x1, y0, y1 that zone and rows fill, m."""
         (x, half_x), (y, half_y) = self._reach_m
         return x - half_x, x + half_x, y - half_y, y + half_y
+
+    supports: tuple[Support, ...] = ()
 
     @property
     def stack(self) -> Stack:
@@ -557,9 +562,10 @@ class Design:
 
     @property
     def is_mirrored(self) -> bool:
-        """True when the plate is its own mirror image in x = 0 and y = 0: its quarter stands for the whole."""
+        """True when plate and supports are their own mirror image in x = 0 and y = 0: the quarter stands for the whole."""
         pillar, centred = self.pillar if self.rows else None, not any(self.centre_m)
-        return centred and {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_symmetric)
+        alone = centred and {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_symmetric)
+        return alone and are_mirrored(self.supports)
 
     @property
     def lattice(self) -> Lattice:

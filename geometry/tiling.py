@@ -12,6 +12,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design, Pillar
+from geometry.supports import Support
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,8 @@ class Tiling:
         Pillars by row j of panels if rows differ.
     lines_m, cuts_m : tuple of float
         Lines y, and lines x, at which parts of the touch face meet.
+    supports : tuple of Support
+        Supports of the plate.
     """
 
     x: FloatArray
@@ -78,6 +81,7 @@ class Tiling:
     lines_m: tuple[float, ...] = ()
     bare: tuple[int, ...] = (0, 1)
     cuts_m: tuple[float, ...] = ()
+    supports: tuple[Support, ...] = ()
 
     def panel(self, i: int, j: int) -> Panel:
         """Panel in column i, row j, halved along every axis about which it is its own mirror image.
@@ -106,11 +110,12 @@ class Tiling:
         return [(i, j) for i in range(first[0], nx) for j in range(first[1], ny)]
 
     def free_sides(self, i: int, j: int) -> tuple[str, ...]:
-        """Sides of panel (i, j) to which nothing is attached and nothing need be."""
+        """Sides of panel (i, j) to which nothing is attached and nothing need be: not those of a supported edge."""
         if (i, j) not in self.feet:
             return ()
         ends = {"x-": i == 0, "x+": i == len(self.x) - 2, "y-": j == 0, "y+": j == len(self.y) - 2}
-        return tuple(side for side, at_end in ends.items() if at_end)
+        supported = {each.edge for each in self.supports}
+        return tuple(side for side, at_end in ends.items() if at_end and side not in supported)
 
 
 def lattice_panel(design: Design, count: int = 1) -> Panel:
@@ -207,6 +212,7 @@ def tile(design: Design, max_edge_m: float) -> Tiling:
         "lines_m": design.touch_lines_m,
         "cuts_m": design.touch_cuts_m,
         "bare": mirrored_along(design.stack.mirrors),
+        "supports": design.supports,
     }
     if not design.rows:
         return Tiling(x, y, {}, design.is_mirrored, **plain)

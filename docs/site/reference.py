@@ -15,7 +15,7 @@ import yaml
 from pydantic import BaseModel
 
 import antinode
-from pipeline.case.schema import MATERIAL_ALLOWED, TABLES, MaterialTable
+from pipeline.case.schema import MATERIAL_ALLOWED, TABLES, MaterialTable, SupportTable
 from pipeline.cli import main
 from pipeline.questions import known, registered
 from pipeline.questions import study as asked
@@ -23,6 +23,7 @@ from pipeline.records import part as declared
 from pipeline.records import record, tables
 from pipeline.records.outputs import unit_of
 
+PAGE = TABLES | {"support": SupportTable}
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[1]
 OWN = [name for name in antinode.__all__ if name != "__version__"]
@@ -84,7 +85,7 @@ def _unexplained_fields() -> list[str]:
 
 
 def _unexplained_keys() -> list[str]:
-    known, schema = meanings(), {table: {"", *model.model_fields} for table, model in TABLES.items()}
+    known, schema = meanings(), {table: {"", *model.model_fields} for table, model in PAGE.items()}
     return sorted(
         f"{table}.{key}"
         for table in known.keys() | schema.keys()
@@ -107,7 +108,7 @@ def case_file() -> Iterator[str]:
     known = meanings()
     yield f"## material\n\n{MATERIAL_ALLOWED}; `antinode materials` lists the names.\n"
     yield f"{head('key', 'values', 'default')}\n" + "\n".join(_keys(MaterialTable))
-    for table, model in TABLES.items():
+    for table, model in PAGE.items():
         yield f"\n## {table}\n\n{known[table]['']}\n\n{head('key', 'meaning', 'values', 'default')}"
         yield "\n".join(_keys(model, known[table]))
 

@@ -61,6 +61,10 @@ MAX_NODAL_LINES = 1000
 MAX_ZONES = 20
 """Each is one more plate to assemble."""
 MAX_PATCHES = 2000
+MAX_SUPPORTS = 100
+STIFFNESS_N_M: Range = (0.0, 1e15)
+DAMPING_NS_M: Range = (0.0, 1e9)
+MASS_G: Range = (0.0, 1e9)
 """Each patch adds a column to the forced response and two wires to the plate."""
 MAX_PATH = 20
 """Letters of a wavevector path: enough to visit all segments of a rectangle more than once."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from math import inf, isfinite, isnan, nan, pi
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ from pipeline.case.reading import (
 )
 from pipeline.case.reading import CaseValues as Values
 from pipeline.case.schema import BandsTable, SolveTable, Table, Tables, ToleranceTable
+from pipeline.case.supports import check_places, read_supports
 from pipeline.errors import InputError
 from pipeline.quantity import GRAM, MM, UM
 from solvers.analytic.beams import antinodes, zone_mode
@@ -145,6 +146,13 @@ class Case:
         if self.quality_factor is None:
             what = f"must be a number: {command} supports a single quality factor only"
             raise InputError(f'{self.source or self.name}: damping.quality = "materials": {what}')
+        for number, support in enumerate(self.design.supports):
+            if support.damping_n_s_m:
+                key, what = (
+                    f"support.{number}.damping_Ns_per_m",
+                    f"must be 0: {command} supports a single quality factor only",
+                )
+                raise InputError(f"{self.source or self.name}: {key} = {support.damping_n_s_m:g}: {what}")
         return self.quality_factor
 
     def require_mirrored(self, command: str) -> None:
@@ -186,6 +194,12 @@ class Case:
                 for key in lacking
             ]
             raise InputError(f"{where}: {name}: missing, {why}" for name, why in visible)
+
+    def refuse_supports(self, command: str) -> None:
+        """Raise InputError for a supported plate, for a command that knows free plates only."""
+        if self.design.supports:
+            what = "must be left out: {} supports free plates only (modes and response support any)"
+            raise InputError(f"{self.source or self.name}: [[support]]: {what.format(command)}")
 
     def require_plate(self, command: str = "this command", several: bool = False, larger: bool = False) -> None:
         """Raise InputError unless the file has [plate], [zone] and, with pillars, array.rows; one zone, or `several`; a plate
@@ -243,7 +257,7 @@ class Case:
         if self.measured:
             plain["measured"] = self.measured.to_dict()
         pillar, shape = self.design.pillar, plain["design"]
-        for key in ("graded", "graded_pitches_m", "stagger", "layers"):
+        for key in ("graded", "graded_pitches_m", "stagger", "layers", "supports"):
             if not shape[key]:
                 del shape[key]
         if not self.design.larger_m:
@@ -362,16 +376,20 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     settings = parsed(given)
     raw = one_table(raw, str(source) if source is not None else "case")
     applied = apply_overrides(raw, settings)
-    defects = applied.pop("defect", None)
+    defects, held = applied.pop("defect", None), applied.pop("support", [])
     values = read_values(applied, source, [key for key, _ in settings])
+    supports = read_supports(held, values.diagnostics) if held != [] else ()
     patches, touch, measured = None, None, _measured(values, source)
     attached = {"patches", "touch"} & values.tables.present
     if attached and not values.diagnostics.touch("material", "plate", "zone", "pillar", "array"):
         design = _design(values)
         patches, touch = read_patches(values, design), read_touch(values, design)
     values.diagnostics.stop()
-    design = _design(values)
+    design = replace(_design(values), supports=supports)
     _check_losses(values, design, patches)
+    if design.supports and {"plate", "zone"} <= values.given:
+        check_places(design, values.diagnostics)
+        values.diagnostics.stop()
 
     def pillar_of(other: dict[str, Any]) -> Pillar | None:
         return case_from_dict(other, source).design.pillar

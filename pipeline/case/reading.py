@@ -434,8 +434,8 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
     for key in raw:
         if key == "tip":
             diagnostics.add("tip", raw[key], f"replaced by sections: {_as_sections(raw)}")
-        elif key not in TABLES and key not in ("name", "material"):
-            named = [*TABLES, "defect"]
+        elif key not in TABLES and key not in ("name", "material", "support"):
+            named = [*TABLES, "defect", "support"]
             diagnostics.unknown(key, raw[key], [*known, *named] if not isinstance(raw[key], dict) else named)
     for table, model in TABLES.items():
         if table not in raw and table not in ALWAYS:

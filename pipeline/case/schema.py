@@ -47,6 +47,7 @@ DEFECTS_ALLOWED = "tables [[defect]] of at = [i, j], a cell of the supercell, an
 VECTOR_ALLOWED = "two numbers [x, y], a lattice vector"
 LAYERS_ALLOWED = "tables [[plate.layer]] of material and thickness_mm, from the touch face to the back"
 FROM_CENTRE = "from the plate's centre"
+SUPPORTS_ALLOWED = "tables [[support]] of kind with edge, or with at_mm and radius_mm"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
 
 Numbers = Iterable[float]  # lists, tuples, arrays
@@ -76,6 +77,11 @@ def positive(within: Range, **more: Any) -> Any:
 def optional(within: Range) -> Any:
     """Declare an optional number within limits, None if left out."""
     return positive(within, default=None)
+
+
+def optional_from_0(within: Range) -> Any:
+    """Declare an optional number of 0 or more, None if left out."""
+    return Field(default=None, ge=0.0, le=within[1], description=f"{NOT_NEGATIVE}, at most {within[1]:g}")
 
 
 def either(within: Range, **more: Any) -> Any:
@@ -266,6 +272,17 @@ class AirTable(Table):
     density_kg_m3: float = positive(limits.FLUID_KG_M3, default=1.204)
     sound_m_s: float = positive(limits.SOUND_M_S, default=343.2)
     faces: Literal["touch", "both"] = "both"
+
+
+class SupportTable(Table):
+    kind: Literal["clamp", "simple", "foam", "spring", "mass"]
+    edge: Literal["x-", "x+", "y-", "y+"] | None = Field(default=None, description="x-, x+, y- or y+")
+    at_mm: Place | None = Field(default=None, description=f"[x, y] within {LENGTH_MM[1]:g} mm of the plate's centre")
+    radius_mm: float | None = optional(LENGTH_MM)
+    stiffness_N_per_m: float | None = optional_from_0(limits.STIFFNESS_N_M)
+    stiffness_N_per_m2: float | None = optional_from_0(limits.STIFFNESS_N_M)
+    damping_Ns_per_m: float | None = optional_from_0(limits.DAMPING_NS_M)
+    mass_g: float | None = optional_from_0(limits.MASS_G)
 
 
 class PatchesTable(Table):
@@ -475,6 +492,7 @@ class Section(TypedDict, total=False):
 class Array(TypedDict, total=False):
     """Rows of pillars on each side of the zone at pitch_mm (or pitch_x_mm, pitch_y_mm), and the margin extension_mm.
 
+    surround: rows on all four sides of a zone within a larger plate.
     a1_mm and a2_mm give the lattice by its vectors. Rows that differ are given by lists from the zone outwards: heights_mm,
     sides_mm, pitches_y_mm. stagger shifts every other row by half a pitch.
 
@@ -495,6 +513,7 @@ class Array(TypedDict, total=False):
     a1_mm: Numbers
     a2_mm: Numbers
     extension_mm: float
+    surround: bool
 
 
 class Solve(TypedDict, total=False):
@@ -663,7 +682,7 @@ TABLES: dict[str, type[Table]] = {
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of the case file (draft 2020-12), for completion and validation in editors."""
-    models: list[type[BaseModel]] = [*TABLES.values(), MaterialTable, SectionTable, DefectTable]
+    models: list[type[BaseModel]] = [*TABLES.values(), MaterialTable, SectionTable, DefectTable, SupportTable]
     references, root = models_json_schema([(model, "validation") for model in models])
     of = {model: references[model, "validation"] for model in models}
     material = {"anyOf": [{"type": "string"}, of[MaterialTable]], "description": MATERIAL_ALLOWED}
@@ -682,6 +701,7 @@ def json_schema() -> dict[str, Any]:
     }  # fmt: skip
     for owner in filter(None, MATERIAL_OWNERS):
         root["$defs"][TABLES[owner].__name__]["properties"]["material"] = material
+    tables["support"] = {"type": "array", "items": of[SupportTable], "description": SUPPORTS_ALLOWED}
     root["$defs"]["DefectTable"]["properties"]["material"] = material
     defects = {"type": "array", "items": of[DefectTable], "description": DEFECTS_ALLOWED}
     top = {"name": {"type": "string", "description": NAME_ALLOWED}, "material": material, "defect": defects}
@@ -690,7 +710,12 @@ def json_schema() -> dict[str, Any]:
 
 
 DefectTable = _defect_table()
-LISTS: dict[str, type[Table]] = {"plate.layer": LayerTable, "pillar.section": SectionTable, "defect": DefectTable}
+LISTS: dict[str, type[Table]] = {
+    "plate.layer": LayerTable,
+    "pillar.section": SectionTable,
+    "defect": DefectTable,
+    "support": SupportTable,
+}
 
 
 def of_any_element(key: str) -> str:
@@ -704,7 +729,8 @@ def known_keys() -> list[str]:
     constants = [*MaterialTable.model_fields]
     constants += [f"cubic_GPa.{key}" for key in CubicTable.model_fields] + [f"orthotropic.{key}" for key in NINE]
     keys = ["name", "defect", *owners, *(f"{owner}.{key}" for owner in owners for key in constants)]
-    keys += [f"{name}.0.{key}" for name, model in LISTS.items() for key in ("material", *model.model_fields)]
+    keys += [f"{name}.0.{key}" for name, model in LISTS.items() for key in model.model_fields]
+    keys += [f"{name}.0.material" for name in LISTS if name != "support"]
     keys += ["patches.glue.material", "patches.glue.thickness_mm"]
     keys += [f"touch.impedance.{key}" for key in FingertipTable.model_fields]
     keys += [f"{table}.{key}" for table, model in TABLES.items() for key in model.model_fields]

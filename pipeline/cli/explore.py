@@ -46,6 +46,7 @@ def run(arguments: Namespace) -> int:
 def explorer_of(case: Case, raw: dict[str, Any], overrides: tuple[str, ...], log: Log) -> Explorer:
     """Return the page's answerer: the case and the model of its cell. Raises InputError for an unsupported case."""
     case.require_plate("explore")
+    case.refuse_supports("explore")
     case.require("pillar", "zone", command="explore")
     from pipeline.explore.answer import Explorer, Scene
     from pipeline.models.parametric import cell_model

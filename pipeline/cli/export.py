@@ -32,6 +32,8 @@ def export(arguments: Namespace) -> int:
 def _require_part(case: Case, part: str, command: str) -> None:
     if part == "plate":
         case.require_plate(command=command, several=command in SOLIDS, larger=True)
+        if command not in SOLIDS:
+            case.refuse_supports(command)
     elif part == "zone":
         case.require("plate", "zone", command="modes --part zone")
     else:

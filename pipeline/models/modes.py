@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf
+from math import inf, nan
 from typing import Any
 
 import numpy as np
@@ -369,7 +369,8 @@ def with_quality(case: Case, part_modes: PartModes) -> PartModes:
         The same modes; with quality factors if the case takes them from the materials or has air.
     """
     air = case.air if part_modes.part != "pillar" else None
-    if not case.is_lossy and air is None:
+    dampers = part_modes.part == "plate" and any(each.damping_n_s_m for each in case.design.supports)
+    if not case.is_lossy and air is None and not dampers:
         return part_modes
     known = {(row.symmetry, row.column): row for row in (*part_modes.all_rows(True), *_beyond(part_modes))}
     lost = [material.lost for material in case.design.materials] if case.is_lossy else [0.0]
@@ -384,15 +385,23 @@ def with_quality(case: Case, part_modes: PartModes) -> PartModes:
         radiated, touch = np.zeros(len(rows)), model.touch(symmetry, vectors) if air else None
         if air and touch:
             radiated = air_loss_factors(touch, symmetry, solved_hz, air)
-        own = np.full((2, len(rows)), np.nan)
+        own, damped = np.full((2, len(rows)), np.nan), np.zeros(len(rows))
+        if dampers and isinstance(model, PlateModel):
+            taken = np.diag(model.assembled(symmetry).damping(vectors))
+            damped = taken / np.sqrt(model.scale.eigenvalue(solved_hz))
         if case.is_lossy:
             value = model.scale.eigenvalue(solved_hz)
             own = np.array(loss_factors(value, model.lost(symmetry, vectors)))
             own[1] = np.abs(own[1])
             if isinstance(model, PlateModel):
                 own[1] += of_discarded(most, least, 2.0 * by_modes(model.assembled(symmetry), value, vectors))
-        for row, factor, change, sound in zip(rows, *own.tolist(), radiated.tolist(), strict=True):
-            own_q = quality_and_bar(factor, most, row.error, change, sound) if case.is_lossy else (None, None)
+        known_q = 1.0 / case.quality_factor if dampers and case.quality_factor else nan
+        for row, factor, change, sound, spent in zip(
+            rows, *own.tolist(), radiated.tolist(), damped.tolist(), strict=True
+        ):
+            own_q = quality_and_bar(factor, most, row.error, change, sound + spent) if case.is_lossy else (None, None)
+            if known_q > 0.0:
+                own_q = 1.0 / (known_q + spent), None
             quality[symmetry, row.column] = dict(zip(("quality_factor", "quality_error"), own_q, strict=True))
             quality[symmetry, row.column]["air_quality_factor"] = 1.0 / sound if sound > 0.0 else None
     return part_modes.each(lambda row: replace(row, **quality.get((row.symmetry, row.column), {})))

@@ -349,13 +349,17 @@ def _lone_part(case: Case, part: str, high_hz: float) -> ModelChoice:
     hexahedra = mesh_rules.lone_mesh(part, design, level, top_hz) if no_cad else None
     smallest_m = design.pillar.smallest_m if part == "pillar" and design.pillar else 2.0 * design.thickness_m
     edge = None if no_cad else mesh_rules.tet_edge_m(smallest_m, accuracy)
-    return _choice(case, part, SOLID, level, hexahedra, edge, (no_cad, quarter), good_to_hz=top_hz)
+    taken = no_cad, quarter, simplifications.no_supports(design)
+    return _choice(case, part, SOLID, level, hexahedra, edge, taken, good_to_hz=top_hz)
 
 
 def _plate(case: Case, high_hz: float) -> ModelChoice:
     design, accuracy = case.design, case.solve.accuracy
     bare, no_cad = simplifications.no_pillars(design, "plate"), simplifications.hexahedra(case, "plate")
     taken: tuple[Simplification | None, ...] = (bare, no_cad, simplifications.mirror_images(design, "plate"))
+    if case.solve.model == SOLID and design.supports:
+        what = "must be auto or superelement: a supported plate is assembled from cells"
+        raise InputError(f"{case.source or case.name}: solve.model = 'solid': {what}")
     if case.solve.model == SOLID:
         level = mesh_rules.whole_level(design, accuracy, high_hz)
         hexahedra = mesh_rules.cell_mesh(design, level) if no_cad else None

@@ -120,6 +120,13 @@ def alike_cells(design: Design, scattered: bool = False) -> Simplification | Non
 # -- the request -------------------------------------------------------------------------------------------------------
 
 
+def no_supports(design: Design) -> Simplification | None:
+    """Leave out the plate's supports from a part."""
+    if not design.supports:
+        return None
+    return Simplification("no_supports", "the supports", "they are the plate's; the part has clamps of its own")
+
+
 def other_classes(known: Collection[str | None], query: str | None) -> Simplification | None:
     """Leave out symmetry classes that were not requested."""
     if query is None or query not in known or len(known) < 2:

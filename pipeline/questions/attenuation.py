@@ -242,6 +242,7 @@ class Attenuation(
     pictures=("report.gallery.attenuation",),
     of_any_plate=True,
     at_own_frequencies=True,
+    of_supports=True,
 ):
     """Compute the attenuation per row in dB across the border of the zone, at a wavenumber along it.
 

@@ -403,6 +403,7 @@ class Bands(
     pictures=("report.gallery.dispersion",),
     at_own_frequencies=True,
     of_any_plate=True,
+    of_supports=True,
 ):
     """Compute Bloch bands and gaps of the unit cell along the case's path.
 

@@ -45,7 +45,7 @@ class GeometryResult(Result, axes=()):
         )
 
 
-class Geometry(Question[GeometryResult], in_studies_only=True, of_any_zones=True, of_any_plate=True):
+class Geometry(Question[GeometryResult], in_studies_only=True, of_any_zones=True, of_any_plate=True, of_supports=True):
     """Write print and CAD files of the plate and check the print file."""
 
     step = ("print and CAD files", "CAD solids; STL read back")

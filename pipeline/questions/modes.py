@@ -265,6 +265,7 @@ class Modes(
     at_own_frequencies=True,
     of_any_plate=True,
     aliases=("confinement",),
+    of_supports=True,
     pictures=("plots.rendering.report_figures", "plots.fields.touch_face", "plots.fields.neighbours"),
 ):
     """Compute the modes of plate, zone or pillar in a band, or some of them near a frequency.
@@ -355,7 +356,7 @@ class ShapesResult(Result, axes=("shape",)):
     coefficients: list[list[float]] = column("coefficients of u_z", along=("shape", "function"))
 
 
-class Shapes(Question[ShapesResult], follows="modes"):
+class Shapes(Question[ShapesResult], follows="modes", of_supports=True):
     """Keep the shapes of the modes nearest the target mode, its mode table and, on demand, the field of every mode."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ShapesResult:
@@ -382,7 +383,12 @@ class Shapes(Question[ShapesResult], follows="modes"):
 
 
 class ZoneModes(
-    Question[ModesResult], in_studies_only=True, aliases=("parts",), at_own_frequencies=True, of_any_plate=True
+    Question[ModesResult],
+    in_studies_only=True,
+    aliases=("parts",),
+    at_own_frequencies=True,
+    of_any_plate=True,
+    of_supports=True,
 ):
     """Compute the modes of the isolated zone, to compare with the pre-design."""
 

@@ -143,7 +143,7 @@ class PredesignResult(Result, axes=("part", "quantity")):
         return f"<antinode.Predesign: zone {frequency(self.zone_hz)}{height}>"
 
 
-class Predesign(Question[PredesignResult], needs=("plate", "zone"), is_quick=True, of_any_plate=True):
+class Predesign(Question[PredesignResult], needs=("plate", "zone"), is_quick=True, of_any_plate=True, of_supports=True):
     """Size zone and pillar analytically: frequencies in Hz, lengths in mm.
 
     >>> import antinode

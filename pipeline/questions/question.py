@@ -195,6 +195,7 @@ class Question(Declared, Generic[R]):
     drives: ClassVar[bool] = False  # whether it drives the plate
     of_any_zones: ClassVar[bool] = False  # whether plates with several zones can answer it
     of_any_plate: ClassVar[bool] = False  # whether plates larger than zone and rows can answer it
+    of_supports: ClassVar[bool] = False  # whether supported plates can answer it, or it is about no plate
     # functions that draw a study's case from several answers, in place of the result's own
     pictures: ClassVar[Axis] = ()
     step: ClassVar[tuple[str, str]] = ("", "")  # for a plan of one step: what is computed, and by which model
@@ -278,6 +279,8 @@ class Question(Declared, Generic[R]):
         about: Any = case and self.asked_of(case)
         if about:
             about.refuse_unused(self.honours, self.instead_of or self.name)
+            if not self.of_supports:
+                about.refuse_supports(self.instead_of or self.name)
         self.check(about)
         return about
 

@@ -368,6 +368,7 @@ class Response(
     of_any_plate=True,
     at_own_frequencies=True,
     example="response studies/three-rows.toml --band 28kHz:38kHz",
+    of_supports=True,
 ):
     """Compute the forced response to the patches over a band, with more points about each peak.
 

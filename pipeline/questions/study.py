@@ -59,6 +59,8 @@ def check(case: Case, query: Iterable[str]) -> None:
     zones, larger = (all(getattr(each, name) for each in asked) for name in ("of_any_zones", "of_any_plate"))
     case.require_plate(command="a study", several=zones, larger=larger)
     for each in asked:
+        if not each.of_supports:
+            case.refuse_supports(f"the measure {each.name}")
         if each.drives and each.needs:
             case.require(*each.needs, command=f"the measure {each.name}")
         if each.after and each.after not in [other.name for other in asked]:

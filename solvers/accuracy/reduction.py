@@ -68,6 +68,9 @@ MARGIN = 2.0  # single modes may exceed the truncation estimate slightly, the wo
 # edges' boundary layers, sin(pi z / t) at their slowest, leave these up to 0.04
 EDGE_LAYER = 0.03
 
+# a of an edge that is clamped on one face and free on the next: 0.6 or more up to a Poisson's ratio of 0.45
+CLAMP_EXPONENT, CLAMP_MARGIN = 0.6, 1.5
+
 Joined: TypeAlias = "AssembledPlate | BlochPlate"  # their degrees of freedom are those of their cells
 
 # of the largest estimate of a band and those below it, and of all: one wave may hide an error that others show
@@ -320,7 +323,7 @@ def by_mesh(
     half_width : ndarray, shape (k,)
         Relative error bars; NaN where a cell has no coarser mesh.
     """
-    taken, rim, order, beyond = (np.zeros_like(value) for _ in range(4))
+    taken, rim, order, beyond, clamps = (np.zeros_like(value) for _ in range(5))
     for placed_cell in plate.placed_cells:
         error = placed_cell.cell.mesh_error
         if error is None:
@@ -331,11 +334,36 @@ def by_mesh(
         shares = shares_of(error)
         rim += shares.rim * by_layer
         order += by_order - error.edge * by_layer
+        if getattr(placed_cell, "clamped", False):
+            clamps += at_clamp(error.order) * np.abs(by_order - error.edge * by_layer)
         if shares.doubt:
             beyond += shares.doubt * error.taken * (by_layer - by_order / error.edge)
     known = [each.cell.mesh_error for each in plate.placed_cells]
     smooth = smooth_half_width(order, AWAY, min((error.order for error in known if error), default=0))
-    return taken, rims * np.abs(rim) + smooth + np.maximum(beyond, 0.0)
+    return taken, rims * np.abs(rim) + smooth + clamps + np.maximum(beyond, 0.0)
+
+
+def at_clamp(order: int) -> float:
+    """Compute the error of elements at a clamped edge, where displacements go as r^a, relative to the last order's change.
+
+    Without graded elements the energy's error goes as p^(-4a), so that order p misses r = 1 / ((p/(p-1))^(4a) - 1) of the
+    change from p - 1 to p; CLAMP_MARGIN r counts, because elements are not small beside the plate near the edge.
+
+    Parameters
+    ----------
+    order : int
+        p.
+
+    Returns
+    -------
+    float
+        Dimensionless.
+
+    References
+    ----------
+    .. [1] babuska1981 (docs/references.bib)
+    """
+    return CLAMP_MARGIN / ((order / max(order - 1.0, 0.5)) ** (4.0 * CLAMP_EXPONENT) - 1.0)
 
 
 def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:

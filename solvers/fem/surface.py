@@ -11,8 +11,19 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.polynomial import chebyshev, legendre, polynomial
 
-from geometry.elements import TRIANGLES, BoolArray, Element, FloatArray, IntArray, corner_ring, element, lagrange
+from geometry.elements import (
+    TRIANGLES,
+    BoolArray,
+    Element,
+    FloatArray,
+    IntArray,
+    corner_ring,
+    element,
+    gauss_lobatto,
+    lagrange,
+)
 from geometry.mesh import AnyMesh, Mesh
+from solvers.errors import SolverError
 
 COUNT = 6  # points each way: of a rectangle where u_z has degree 5, and its square 10
 EDGE = 1e-9  # of half a rectangle's depth: a line so near to its edge runs along it
@@ -28,6 +39,8 @@ Shape = Callable[[FloatArray], tuple[FloatArray, FloatArray]]  # points (q, 2): 
 
 # Dunavant's rule of degree 4 on the unit triangle, from its two orbits (dunavant1985)
 _TRIANGLE = ((0.44594849091596489, 0.22338158967801147), (0.09157621350977073, 0.10995174365532187))
+
+SAME_M = 1e-9  # places that are one
 
 BENT = 1e-3  # of an edge's length: deviation of its nodes from the chord
 
@@ -591,3 +604,52 @@ def _bent(edges: FloatArray) -> BoolArray:
     length = np.linalg.norm(chord, axis=-1)
     off = np.linalg.norm(np.cross(edges - start, np.broadcast_to(chord, edges.shape)), axis=-1)
     return np.asarray((off > BENT * length**2).any(axis=-1))
+
+
+def grid_weights(nodes_m: FloatArray, order: int, at_m: FloatArray) -> FloatArray:
+    """Interpolate from the nodes of a tensor grid of elements by the elements' polynomials.
+
+    Parameters
+    ----------
+    nodes_m : ndarray, shape (n, 2)
+        Nodes.
+    order : int
+        Order of the elements.
+    at_m : ndarray, shape (p, 2)
+        Places.
+
+    Returns
+    -------
+    ndarray, shape (p, n)
+        Weights of the nodes.
+
+    Raises
+    ------
+    SolverError
+        If the nodes do not form a tensor grid.
+    """
+    (x, i), (y, j) = (_lines(nodes_m[:, axis]) for axis in range(2))
+    if len(x) * len(y) != len(nodes_m):
+        raise SolverError(
+            "the nodes of a face do not form a tensor grid: displacements between them cannot be interpolated"
+        )
+    along, across = (_weights(nodes, order, at_m[:, axis]) for axis, nodes in enumerate((x, y)))
+    return np.asarray(along[:, i] * across[:, j])
+
+
+def _lines(places_m: FloatArray) -> tuple[FloatArray, IntArray]:
+    """The different coordinates in ascending order, and which of them each place has."""
+    _, first, which = np.unique(np.round(places_m / SAME_M), return_index=True, return_inverse=True)
+    return places_m[first], np.asarray(which)
+
+
+def _weights(nodes: FloatArray, order: int, at: FloatArray) -> FloatArray:
+    """Weights (p, n) of the elements' polynomials between nodes (n,), `order` + 1 of them in each element, shared ends."""
+    at = np.clip(at, nodes[0], nodes[-1])
+    ends = nodes[::order]
+    element = np.clip(np.searchsorted(ends, at, side="right") - 1, 0, len(ends) - 2)
+    local = (2.0 * at - ends[element] - ends[element + 1]) / np.diff(ends)[element]
+    out = np.zeros((len(at), len(nodes)))
+    places = element[:, None] * order + np.arange(order + 1)
+    np.put_along_axis(out, places, lagrange(gauss_lobatto(order), local)[0], axis=1)
+    return out

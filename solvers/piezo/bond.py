@@ -10,17 +10,16 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve, eigh
 
-from geometry.elements import BoolArray, FloatArray, IntArray, gauss_lobatto, lagrange
+from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.layout import Pillar, PillarGroup
 from solvers.errors import SolverError
-from solvers.superelement.cell import Cell
+from solvers.fem.surface import SAME_M, grid_weights
+from solvers.superelement.cell import Cell, PlacedCell
 from solvers.superelement.interface import SIDES, VERTICES
-from solvers.superelement.plate import WHOLE, AssembledPlate, Grid, PlacedCell
+from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
 
 # -- points ------------------------------------------------------------------------------------------------------------
 # Displacements of an assembled plate at any point of its bare faces, where something may be bonded.
-
-SAME_M = 1e-9
 
 
 @dataclass(frozen=True)
@@ -179,55 +178,6 @@ def _field(cell: Cell, local_m: FloatArray, means: FloatArray, back: bool) -> Fl
         raise SolverError("a patch lies on a panel of plate that carries a pillar: move the patch or the rows")
     weights = means @ grid_weights(bare.points[on, :2], bare.order, local_m)
     return np.tensordot(weights, bare.matrix[on], axes=1)
-
-
-def grid_weights(nodes_m: FloatArray, order: int, at_m: FloatArray) -> FloatArray:
-    """Interpolate from the nodes of a tensor grid of elements by the elements' polynomials.
-
-    Parameters
-    ----------
-    nodes_m : ndarray, shape (n, 2)
-        Nodes.
-    order : int
-        Order of the elements.
-    at_m : ndarray, shape (p, 2)
-        Places.
-
-    Returns
-    -------
-    ndarray, shape (p, n)
-        Weights of the nodes.
-
-    Raises
-    ------
-    SolverError
-        If the nodes do not form a tensor grid.
-    """
-    (x, i), (y, j) = (_lines(nodes_m[:, axis]) for axis in range(2))
-    if len(x) * len(y) != len(nodes_m):
-        raise SolverError(
-            "the nodes of a face do not form a tensor grid: displacements between them cannot be interpolated"
-        )
-    along, across = (_weights(nodes, order, at_m[:, axis]) for axis, nodes in enumerate((x, y)))
-    return np.asarray(along[:, i] * across[:, j])
-
-
-def _lines(places_m: FloatArray) -> tuple[FloatArray, IntArray]:
-    """The different coordinates in ascending order, and which of them each place has."""
-    _, first, which = np.unique(np.round(places_m / SAME_M), return_index=True, return_inverse=True)
-    return places_m[first], np.asarray(which)
-
-
-def _weights(nodes: FloatArray, order: int, at: FloatArray) -> FloatArray:
-    """Weights (p, n) of the elements' polynomials between nodes (n,), `order` + 1 of them in each element, shared ends."""
-    at = np.clip(at, nodes[0], nodes[-1])
-    ends = nodes[::order]
-    element = np.clip(np.searchsorted(ends, at, side="right") - 1, 0, len(ends) - 2)
-    local = (2.0 * at - ends[element] - ends[element + 1]) / np.diff(ends)[element]
-    out = np.zeros((len(at), len(nodes)))
-    places = element[:, None] * order + np.arange(order + 1)
-    np.put_along_axis(out, places, lagrange(gauss_lobatto(order), local)[0], axis=1)
-    return out
 
 
 # -- panels ------------------------------------------------------------------------------------------------------------

@@ -327,9 +327,9 @@ class ForcedPlate:
     def _damped(self, basis: GroupModes) -> GroupModes:
         """The modes with their loss: that of the given quality factor, or of the materials."""
         if self.quality_factor is None:
-            basis = damped(replace(basis, radiated=radiated(basis, self.air)))
+            basis = damped(replace(basis, radiated=radiated(basis, self.air) + by_supports(basis)))
         else:
-            basis = replace(basis, loss=np.full(len(basis.eigenvalue), 1.0 / self.quality_factor))
+            basis = replace(basis, loss=1.0 / self.quality_factor + by_supports(basis))
         return with_moduli(basis, self.moduli) if self.moduli else basis
 
     @property
@@ -339,7 +339,9 @@ class ForcedPlate:
 
     def loss_at(self, frequency_hz: float) -> float:
         """1/Q of the mode nearest to a frequency."""
-        if self.quality_factor is not None:
+        if self.quality_factor is not None and np.allclose(
+            self.losses, 1.0 / self.quality_factor, rtol=1e-12, atol=0.0
+        ):
             return 1.0 / self.quality_factor
         tones = self.resonances_hz
         return float(self.losses[np.abs(tones - frequency_hz).argmin()]) if len(tones) else LOSS
@@ -797,6 +799,25 @@ def radiated(basis: GroupModes, air: Air | None) -> FloatArray:
         for symmetry, own in zip(basis.group.symmetries, basis.group.touch(basis.columns[:, :count]), strict=True):
             total += air_loss_factors(own, symmetry or None, basis.frequency_hz, air)
     return total
+
+
+def by_supports(basis: GroupModes) -> FloatArray:
+    """Compute the loss of a group's modes in the dampers of the supports, whose coupling between modes is left out.
+
+    Parameters
+    ----------
+    basis : GroupModes
+        Modes of a group.
+
+    Returns
+    -------
+    ndarray, shape (modes,)
+        1/Q; 0 without dampers.
+    """
+    vectors = basis.columns[:, : len(basis.eigenvalue)]
+    parts = zip(basis.group.plates, basis.group.split(vectors), strict=True)
+    lost = sum((np.diag(plate.damping(part)) for plate, part in parts), np.zeros(len(basis.eigenvalue)))
+    return np.asarray(lost / np.sqrt(basis.eigenvalue))
 
 
 def sound_db(forced: ForcedPlate, frequency_hz: float, volts: float) -> float | None:

@@ -37,9 +37,9 @@ from solvers.errors import TooLarge
 from solvers.fem.assembly import Forms, System
 from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.solid import constrain, free_mask
-from solvers.fem.surface import face_quadrature
+from solvers.fem.surface import SAME_M, face_quadrature, grid_weights
 from solvers.machine import check_room
-from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, between, grid_weights, mirror_signs, positive_part
+from solvers.piezo.bond import Contact, JoinedPanels, Panels, between, mirror_signs, positive_part
 from solvers.plates.assembled import Cache, Reductions
 from solvers.superelement.plate import AssembledPlate
 

@@ -39,7 +39,7 @@ from solvers.fem.factor import Factoriser
 from solvers.measures.confinement import TouchField, target_shape, target_symmetry
 from solvers.piezo.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts
 from solvers.piezo.patch import BondedPatch, StaticCorrection, bonded_patch
-from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
+from solvers.superelement.plate import WHOLE, AssembledPlate
 
 CLASSES = ("SS", "SA", "AS", "AA")
 NEAR_M = 1e-9  # a patch whose middle lies so near to a mirror line lies on it
@@ -267,7 +267,7 @@ class PatchedPlate:
             part, motion = bond.parts[mesh], moved[mesh]
             stiff.append((count, part.stiffness, motion))
             weights.append((count / self.scale.mass_kg, part.mass, motion))
-        rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
+        rigid = sum(plate.rigid_count for plate in plates)
         matrices = self._matrices
         return PlainPencil(matrices.added(whole, stiff), matrices.added(heavy, weights), self.scale, rigid)
 

@@ -456,3 +456,17 @@ def rigid_polynomials(face: Interface, size_m: tuple[float, float, float]) -> Fl
         block[1] = (motions[vertex, 1] - motions[vertex, 0]) / 2.0
         out[face.vertex(vertex)] = block.reshape(-1, 6)
     return out
+
+
+@dataclass(frozen=True)
+class PlacedCell:
+    """A cell in the plate: which reduction, its middle (m), its degrees of freedom among the reduced plate's, their
+    coefficients, and whether the plate is clamped there, whose edge is singular.
+    """
+
+    cell: Cell
+    middle: tuple[float, float]
+    dofs: IntArray
+    coefficient: FloatArray
+    copies: int
+    clamped: bool = False

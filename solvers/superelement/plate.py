@@ -9,7 +9,6 @@ the symmetry class forbids them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cached_property, partial
 from operator import attrgetter
 
@@ -19,28 +18,16 @@ import scipy.sparse as sp
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.tiling import DIGITS, Signature, Tiling, signature
 from solvers.errors import SolverError
+from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import Skin, triangles
 from solvers.measures.confinement import TouchField
-from solvers.superelement.cell import Cell, Expansion, SurfaceRule, with_further
+from solvers.superelement.cell import Cell, Expansion, PlacedCell, SurfaceRule, with_further
 from solvers.superelement.interface import OFFSETS, SIDES, VERTICES, Interface
+from solvers.superelement.supports import Action, actions, at_edge, held_dofs, rigid_count
 
 WHOLE = ""  # no mirror: every panel is assembled
 DROP_TOLERANCE = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
-RIGID_OF_CLASS = {"SS": 1, "SA": 2, "AS": 2, "AA": 1, WHOLE: 6}
-
-
-@dataclass(frozen=True)
-class PlacedCell:
-    """A cell in the plate: which reduction, its middle (m), its degrees of freedom among the reduced plate's, their
-    coefficients.
-    """
-
-    cell: Cell
-    middle: tuple[float, float]
-    dofs: IntArray
-    coefficient: FloatArray
-    copies: int
 
 
 class AssembledPlate:
@@ -68,7 +55,8 @@ class AssembledPlate:
         dofs = self.grid.dofs(i, j)
         panel = self.tiling.panel(i, j)
         copies = self.grid.copies(i, j)
-        return PlacedCell(self.grid.cell(i, j), panel.middle, number[dofs], sign[dofs], copies)
+        clamped = any(each.kind == "clamp" and at_edge(self.tiling, i, j, each.edge) for each in self.tiling.supports)
+        return PlacedCell(self.grid.cell(i, j), panel.middle, number[dofs], sign[dofs], copies, clamped)
 
     @property
     def cells(self) -> list[Cell]:
@@ -83,7 +71,30 @@ class AssembledPlate:
     def pencil(self) -> PlainPencil:
         """K and M of the class, per whole plate."""
         stiffness, mass = self.of_cells(lambda cell: cell.stiffness), self.of_cells(lambda cell: cell.mass)
-        return PlainPencil(stiffness, mass, self.placed_cells[0].cell.scale, RIGID_OF_CLASS[self.symmetry])
+        for action in self.actions:
+            stiffness, mass = stiffness + action.stiffness(self.scale), mass + action.mass(self.scale)
+        return PlainPencil(sp.csc_array(stiffness), sp.csc_array(mass), self.scale, self.rigid_count)
+
+    @property
+    def scale(self) -> Scale:
+        """Units of the pencil."""
+        return self.placed_cells[0].cell.scale
+
+    @property
+    def rigid_count(self) -> int:
+        """Rigid-body modes of the class that the supports leave."""
+        return rigid_count(self.tiling, self.placed_cells[0].cell.size_m[2], self.symmetry)
+
+    @cached_property
+    def actions(self) -> list[Action]:
+        """Springs, dampers and masses in the plate's degrees of freedom."""
+        placed = list(zip(self.grid.representative_cells(), self.placed_cells, strict=True))
+        return actions(self.tiling, placed, self.dof)
+
+    def damping(self, vectors: FloatArray) -> FloatArray:
+        """Scaled damping of the supports between motions (dof, k), (k, k)."""
+        parts = [action.damping(self.scale, vectors) for action in self.actions if action.support.damping_n_s_m]
+        return np.asarray(sum(parts, np.zeros((vectors.shape[1],) * 2)))
 
     def pillar_share(self, vectors: FloatArray) -> FloatArray:
         """Share of the pillars in the kinetic energy of M-orthonormal modes, (k,)."""
@@ -318,7 +329,7 @@ class Grid:
         return where, sign
 
     def _idle(self) -> BoolArray:
-        """Bubbles on the free sides of cells, and vertex lines between two of them: they carry nothing."""
+        """Bubbles on the free sides of cells, and vertex lines between two of them, which carry nothing; what supports hold."""
         idle = np.zeros(self.count, dtype=bool)
         for i in range(self.nx):
             for j in range(self.ny):
@@ -328,6 +339,8 @@ class Grid:
                 for index, (x, y) in enumerate(VERTICES):
                     if {"x+" if x > 0 else "x-", "y+" if y > 0 else "y-"} <= free:
                         idle[dofs[self.interface.vertex(index)]] = True
+        for held in held_dofs(self.tiling, self._corners, self._beside_x, self._beside_y):
+            idle[held] = True
         return idle
 
     @cached_property

@@ -24,7 +24,8 @@ from solvers.errors import SolverError, TooLarge
 from solvers.fem.eigen import factor_near
 from solvers.fem.factor import Factoriser
 from solvers.fem.solid import constrain, free_mask
-from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, grid_weights, positive_part
+from solvers.fem.surface import SAME_M, grid_weights
+from solvers.piezo.bond import Contact, JoinedPanels, Panels, positive_part
 from solvers.piezo.forced import ForcedPlate, GroupModes, damped, residual_vectors, with_moduli
 from solvers.piezo.patch import StaticCorrection
 from solvers.piezo.patched_plate import Group

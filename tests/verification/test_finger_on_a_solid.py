@@ -22,7 +22,7 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.logs import TerminalLog
 from solvers.fem.assembly import assemble
 from solvers.fem.factor import Factoriser
-from solvers.piezo.bond import SAME_M, grid_weights
+from solvers.fem.surface import SAME_M, grid_weights
 from studies.independent import bonded_solid
 from tests.helpers.asked import touch_of
 

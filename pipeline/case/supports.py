@@ -1,0 +1,133 @@
+"""Supports of the plate: the tables [[support]] read, checked against the plate, and in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from math import hypot
+from typing import Any
+
+from geometry.layout import Design
+from geometry.supports import Support
+from geometry.tiling import tile
+from pipeline.case.limits import MAX_SUPPORTS
+from pipeline.case.reading import Diagnostics, check_table, is_table
+from pipeline.case.schema import SUPPORTS_ALLOWED, SupportTable, known_keys
+from pipeline.quantity import GRAM, MM, figure
+
+ALLOWED = {  # keys of each kind besides edge, or at_mm and radius_mm; the first is needed, of a spring one of both
+    "clamp": (),
+    "simple": (),
+    "foam": ("stiffness_N_per_m2", "damping_Ns_per_m"),
+    "spring": ("stiffness_N_per_m", "damping_Ns_per_m"),
+    "mass": ("mass_g",),
+}
+ACTS = ("stiffness_N_per_m", "stiffness_N_per_m2", "damping_Ns_per_m", "mass_g")
+FLUSH = 1e-3  # of the plate's thickness: a narrower strip before an edge cannot be meshed
+ON_DISCS = ("spring", "mass")
+# stiffness of a spring in E r, r its radius, compared with which the plate under it is soft: E r / 0.5 for a punch
+RIGID = 20.0
+
+
+def faults_of(table: SupportTable, named: str) -> Iterator[tuple[str, Any, str]]:
+    """Yield key, value and requirement of each fault of one support."""
+    kind, allowed = table.kind, ALLOWED[table.kind]
+    if (table.edge is None) == (table.at_mm is None):
+        yield named, kind, "must have either edge, or at_mm with radius_mm"
+    elif (table.radius_mm is None) != (table.at_mm is None):
+        yield f"{named}.radius_mm", table.radius_mm, "must be given with at_mm, and only with it"
+    for key in ACTS:
+        value = getattr(table, key)
+        if value is not None and key not in allowed:
+            takes = f"takes {' and '.join(allowed)}" if allowed else "takes neither stiffness, damping nor mass"
+            yield f"{named}.{key}", value, f"must be left out: a {kind} {takes}"
+    if allowed and all(getattr(table, key) is None for key in (allowed if kind == "spring" else allowed[:1])):
+        yield named, kind, f"must have {' or '.join(allowed if kind == 'spring' else allowed[:1])}"
+
+
+def read_supports(tables: Any, diagnostics: Diagnostics) -> tuple[Support, ...]:
+    """Read the supports, in SI; () for faulty ones, whose faults are added to the diagnostics."""
+    known, before = known_keys(), len(diagnostics.lines)
+    if not isinstance(tables, list) or not len(tables) <= MAX_SUPPORTS or not all(map(is_table, tables)):
+        diagnostics.add("support", tables, f"must be at most {MAX_SUPPORTS} {SUPPORTS_ALLOWED}")
+        return ()
+    read = []
+    for number, content in enumerate(tables):
+        table, bad = check_table(SupportTable, content, f"support.{number}.", known, diagnostics)
+        if not bad:
+            for fault in faults_of(table, f"support.{number}"):
+                diagnostics.add(*fault)
+        read.append(table)
+    edges = [(table.edge, number) for number, table in enumerate(read) if table.edge]
+    for (edge, first), (other, second) in pairwise(sorted(edges)):
+        if edge == other:
+            diagnostics.add(f"support.{second}.edge", edge, f"has support.{first} already: an edge takes one support")
+    return tuple(map(_in_si, read)) if len(diagnostics.lines) == before else ()
+
+
+def _in_si(table: SupportTable) -> Support:
+    """Return a support in SI."""
+    at = table.at_mm or (0.0, 0.0)
+    return Support(
+        table.kind,
+        table.edge or "",
+        (MM * at[0], MM * at[1]),
+        MM * (table.radius_mm or 0.0),
+        table.stiffness_N_per_m or 0.0,
+        table.stiffness_N_per_m2 or 0.0,
+        table.damping_Ns_per_m or 0.0,
+        GRAM * (table.mass_g or 0.0),
+    )
+
+
+def check_places(design: Design, diagnostics: Diagnostics) -> None:
+    """Report discs off the plate or beside pillars, and clamped ones."""
+    flush = _flush_edges(design)
+    for number, support in enumerate(design.supports):
+        if support.edge:
+            if support.edge[0] in flush:
+                what = "pillars stand flush with this edge, which leaves its face no room for a support"
+                diagnostics.add(f"support.{number}.edge", support.edge, what)
+            continue
+        at, radius = [place / MM for place in support.at_m], support.radius_m
+        key = f"support.{number}.at_mm"
+        ends = design.plate_m[0] / 2.0, design.plate_m[1] / 2.0
+        if any(abs(place) + radius > end * (1.0 + 1e-12) for place, end in zip(support.at_m, ends, strict=True)):
+            reach = " and ".join(
+                f"{axis} from {-end / MM:g} to {end / MM:g}" for axis, end in zip("xy", ends, strict=True)
+            )
+            diagnostics.add(key, at, f"the disc must lie on the plate, {reach} mm")
+        elif support.kind not in ON_DISCS:
+            stiff = RIGID * design.stack.back.average.young_pa * radius
+            what = f"a {support.kind} on a disc is not available: a spring of {figure(stiff, 0.1 * stiff)} N/m holds its u_z"
+            diagnostics.add(f"support.{number}.kind", support.kind, what)
+        elif _meets_pillars(design, support):
+            diagnostics.add(
+                key, at, "the disc must lie on bare plate: it meets the panel of a pillar, at most a pitch wide"
+            )
+
+
+def _flush_edges(design: Design) -> str:
+    """Axes normal to edges with which pillars stand flush."""
+    if not design.rows:
+        return ""
+    columns = max(design.column_centres(number)[-1] for number in {*design.row_numbers})
+    foot = design.footprint_m / 2.0
+    room = {"x": design.length_m / 2.0 - columns - foot, "y": design.extension_m}
+    if design.larger_m:  # rows keep off the edges of a larger plate by half a pitch or more, or stand flush with them
+        (half_x, half_y), reach = (size / 2.0 for size in design.plate_m), design.reach_m
+        room = {"x": half_x - max(-reach[0], reach[1]), "y": half_y - max(-reach[2], reach[3])}
+    return "".join(axis for axis, left in room.items() if left < FLUSH * design.thickness_m)
+
+
+def _meets_pillars(design: Design, support: Support) -> bool:
+    """Whether a disc meets a panel with a pillar, whose back face is not free."""
+    tiling = tile(design, design.plate_m[0])
+    for i, j in tiling.feet:
+        panel = tiling.panel(i, j)
+        away = [
+            max(low - at, at - high, 0.0) for low, at, high in zip(panel.low, support.at_m, panel.high, strict=True)
+        ]
+        if hypot(*away) < support.radius_m:
+            return True
+    return False

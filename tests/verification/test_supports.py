@@ -1,0 +1,268 @@
+"""Supported plates against exact solutions, beams, rigid bodies and a whole solid with tied nodes."""
+
+from __future__ import annotations
+
+import re
+from math import cos, cosh, pi, sin, sinh, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.polynomial import legendre
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+from geometry.elements import FloatArray
+from geometry.hex.boxes import Boxes, hex_mesh
+from geometry.hex.scenes import HexSettings
+from geometry.layout import Design
+from geometry.materials import MATERIALS, Material
+from geometry.supports import Support
+from geometry.tiling import tile
+from pipeline.case.model import Case, case_from_dict
+from pipeline.cli.main import main
+from pipeline.errors import InputError
+from pipeline.logs import TerminalLog
+from pipeline.models.modes import solve_modes
+from pipeline.paths import ROOT
+from pipeline.planning.model_choice import Request
+from solvers.accuracy.reduction import mode_errors
+from solvers.fem.eigen import modes_in_band
+from solvers.fem.solid import SolidModel
+from solvers.plates.assembled import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.supports import rigid_count
+
+EDGES = ("x-", "x+", "y-", "y+")
+LENGTH, WIDTH, THICK = 24e-3, 18e-3, 2e-3
+ALUMINIUM = MATERIALS["aluminium"]
+MARGIN = 2.0  # of the truncation estimate, as in modes.py
+
+
+def bare_design(
+    supports: list[Support], size_m: tuple[float, float, float] = (LENGTH, WIDTH, THICK), material: Material = ALUMINIUM
+) -> Design:
+    """A plate without pillars, its zone half as wide."""
+    (length, width, thick), nan = size_m, float("nan")
+    return Design(length, width / 2.0, thick, 2, material, None, nan, nan, 0, width / 4.0, supports=tuple(supports))
+
+
+def plate(
+    supports: list[Support],
+    size_m: tuple[float, float, float] = (LENGTH, WIDTH, THICK),
+    material: Material = ALUMINIUM,
+    along: int = 4,
+) -> PlateModel:
+    """A bare plate from reduced cells."""
+    design, (_, width, thick) = bare_design(supports, size_m, material), size_m
+    reduction = ReductionSettings(
+        Interface(along, 2, ()), 2e6, HexSettings(3, min(thick, 1.5e-3) if width > 5e-3 else 2.5e-3, 0), 6e-3, None, 1
+    )
+    return PlateModel(design, Reductions(design.stack, None, reduction))
+
+
+def solved(model: PlateModel, low_hz: float, high_hz: float) -> tuple[FloatArray, FloatArray, int]:
+    """All modes of every class in a band, ascending, with the half-widths of their bars; the rigid-body modes."""
+    tones, bars, rigid = [], [], 0
+    for symmetry in model.symmetries:
+        pencil = model.pencil(symmetry)
+        modes = modes_in_band(pencil, low_hz, high_hz)
+        errors = mode_errors(model.assembled(symmetry), pencil, modes.vectors)
+        tones += modes.frequency_hz.tolist()
+        bars += (MARGIN * errors.total + errors.mesh).tolist()
+        rigid += pencil.rigid_count
+    order = np.argsort(tones)
+    return np.array(tones)[order], np.array(bars)[order], rigid
+
+
+def srinivas_hz(m: int, n: int, degree: int = 14) -> FloatArray:
+    """Modes of the simply supported plate (srinivas1970): u = U(z) cos(m pi x/a) sin(n pi y/b) and so on, three-dimensional
+    elasticity through the thickness by Legendre polynomials of a degree that leaves rounding alone.
+    """
+    x, w = legendre.leggauss(degree + 4)
+    own, weight, count = legendre.legvander(x, degree), w[:, None] * THICK / 2.0, degree + 1
+    slope = np.stack([legendre.legval(x, legendre.legder(each)) for each in np.eye(count)], 1) * 2.0 / THICK
+    young, nu = ALUMINIUM.average.young_pa, ALUMINIUM.average.poisson
+    shear, lame = young / 2.0 / (1.0 + nu), young * nu / (1.0 + nu) / (1.0 - 2.0 * nu)
+    a, b, none = m * pi / LENGTH, n * pi / WIDTH, np.zeros_like(own)
+    normal = [np.hstack(each) for each in ((-a * own, none, none), (none, -b * own, none), (none, none, slope))]
+    sheared = [np.hstack(each) for each in ((b * own, a * own, none), (slope, none, a * own), (none, slope, b * own))]
+    stiffness = sum(shear * each.T @ (weight * each) for each in sheared)
+    for i, one in enumerate(normal):
+        for j, other in enumerate(normal):
+            stiffness = stiffness + (lame + 2.0 * shear * (i == j)) * one.T @ (weight * other)
+    mass = ALUMINIUM.density_kg_m3 * np.kron(np.eye(3), own.T @ (weight * own))
+    moves = np.repeat([n > 0, m > 0, m > 0 and n > 0], count)
+    values = eigh(stiffness[np.ix_(moves, moves)], mass[np.ix_(moves, moves)], eigvals_only=True)
+    return np.sqrt(np.maximum(values, 0.0)) / 2.0 / pi
+
+
+def test_every_mode_of_a_simply_supported_plate_is_srinivas() -> None:
+    top_hz = 9e4
+    exact = np.sort([tone for m in range(9) for n in range(9) if m + n for tone in srinivas_hz(m, n) if tone < top_hz])
+    tones, bars, rigid = solved(plate([Support("simple", edge) for edge in EDGES]), 1e2, top_hz)
+    assert rigid == 0 and len(tones) == len(exact) > 5
+    assert (np.abs(tones / exact - 1.0) <= bars).all() and bars.max() < 0.01
+
+
+def test_supports_that_do_nothing_change_nothing() -> None:
+    free, _, six = solved(plate([]), 1e2, 4e4)
+    idle, _, rigid = solved(
+        plate([Support("foam", "y-"), Support("spring", at_m=(3e-3, 2e-3), radius_m=1e-3)]), 1e2, 4e4
+    )
+    assert six == rigid == 6 and idle == pytest.approx(free, rel=1e-9)
+
+
+def test_a_foam_of_rising_stiffness_holds_the_edge() -> None:
+    """From below, with an error that falls as 1/k: u_z of the edge face alone is then held."""
+    tones = [
+        solved(plate([Support("foam", edge, bedding_n_m2=bedding) for edge in EDGES]), 1e3, 3e4)[0][0]
+        for bedding in (1e12, 1e13, 1e14, 1e16)
+    ]
+    left = [tones[-1] - tone for tone in tones[:-1]]
+    assert all(left[i] / left[i + 1] == pytest.approx(10.0, rel=0.05) for i in range(2))
+    assert tones[-1] < solved(plate([Support("simple", edge) for edge in EDGES]), 1e3, 3e4)[0][0]
+
+
+@pytest.mark.parametrize(
+    ("supports", "rigid"),
+    [
+        ([Support("clamp", "x-")], 0),
+        ([Support("simple", "x-")], 3),  # along x, about the edge and about z at the edge
+        ([Support("foam", "y-", bedding_n_m2=1.0)], 4),
+        ([Support("foam", "y-", bedding_n_m2=1.0), Support("foam", "y+", bedding_n_m2=1.0)], 3),
+        ([Support("spring", at_m=(5e-3, 0.0), radius_m=1e-3, stiffness_n_m=1.0)], 3),  # a disc resists tilting, too
+        ([Support("mass", "y-", mass_kg=1.0)], 6),
+    ],
+)
+def test_rigid_motions_that_are_left(supports: list[Support], rigid: int) -> None:
+    assert rigid_count(tile(bare_design(supports), 6e-3), THICK) == rigid
+
+
+def test_a_plate_on_a_soft_spring_bounces_as_a_rigid_body() -> None:
+    """w2 = k / (M + m), lower by the plate's own softness: k over that of its first bending, 1e-4 here."""
+    plain = LENGTH * WIDTH * THICK * ALUMINIUM.density_kg_m3
+    spring = Support("spring", radius_m=2e-3, stiffness_n_m=100.0)
+    heavy = Support("mass", radius_m=1e-3, mass_kg=3e-3)
+    for more, mass in (([], 0.0), ([heavy], 3e-3)):
+        model = plate([spring, *more])
+        tones = modes_in_band(model.pencil("SS"), 10.0, 1e3).frequency_hz
+        assert tones == pytest.approx([sqrt(100.0 / (plain + mass)) / 2.0 / pi], rel=2e-4)
+
+
+def strip(supports: list[Support]) -> tuple[FloatArray, float, float]:
+    """Bending modes of a strip, thickness / length 0.005, without Poisson's ratio; its bending stiffness and mass per metre."""
+    size, material = (60e-3, 1.2e-3, 0.3e-3), replace_poisson(ALUMINIUM)
+    model = plate(supports, size, material)
+    bending = material.average.young_pa * size[1] * size[2] ** 3 / 12.0
+    tones = [
+        tone
+        for s in model.symmetries
+        if s in (None, "SS", "AS")
+        for tone in modes_in_band(model.pencil(s), 20.0, 3e3).frequency_hz
+    ]
+    return np.sort(tones), bending, material.density_kg_m3 * size[1] * size[2]
+
+
+def replace_poisson(material: Material) -> Material:
+    """The material with Poisson's ratio 0, of which a strip is an Euler beam."""
+    own = material.average.young_pa / 1e9
+    return Material.of_table("no poisson", {"young_GPa": own, "poisson": 0.0, "density_kg_m3": material.density_kg_m3})
+
+
+def test_a_strip_on_foam_is_a_beam_on_an_elastic_foundation() -> None:
+    """w2 = w2(free) + k / m; theory errs by rotary inertia and shear, (pi n t / L)^2 / 3 < 1e-3 of the third mode, and the
+    foam at the edges bends a strip of W / t = 4 across by k W^4 / D < 1e-6.
+    """
+    bedding = 5e3
+    foam = [Support("foam", edge, bedding_n_m2=bedding) for edge in ("y-", "y+")]
+    (tones, bending, mass), roots = strip(foam), np.array([0.0, 0.0, 4.730041, 7.853205])
+    expected = np.sqrt((roots / 60e-3) ** 4 * bending / mass + 2.0 * bedding / mass) / 2.0 / pi
+    assert tones[:4] == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_clamped_strip_with_a_mass_at_its_end_is_a_cantilever_with_a_tip() -> None:
+    """cosh cos + 1 + r b (cos sinh - sin cosh) = 0; theory errs by (pi n t / L)^2 / 3, 3e-4 of the second mode."""
+    ratio = 0.5
+    _, bending, mass = strip([])
+    tones, _, _ = strip([Support("clamp", "x-"), Support("mass", "x+", mass_kg=ratio * mass * 60e-3)])
+
+    def tip(b: float) -> float:
+        return 1.0 + cosh(b) * cos(b) + ratio * b * (cos(b) * sinh(b) - sin(b) * cosh(b))
+
+    roots = np.array([brentq(tip, 1.0, 1.8), brentq(tip, 3.5, 4.69)])
+    expected = (roots / 60e-3) ** 2 * sqrt(bending / mass) / 2.0 / pi
+    in_band = expected[expected > 20.0]
+    assert tones[0] == pytest.approx(in_band[0], rel=2e-3)
+
+
+@pytest.mark.slow
+def test_a_clamped_plate_lies_within_its_bars_of_the_whole_solid() -> None:
+    """Tied nodes on elements graded to the edges, whose own error is below 1e-3: an order and a layer less change 4e-4."""
+    query = Request("plate", band_hz=(1e3, 6e4), search=False)
+    found = solve_modes(clamped_case(), query, TerminalLog(True)).rows
+    ours = [(row.symmetry, row.frequency_hz, row.error) for row in found]
+    whole = {name: iter(tones) for name, tones in solid_hz(1e3, 6e4).items()}
+    assert len(ours) == 6
+    for symmetry, tone, error in ours:
+        assert error is not None and symmetry is not None
+        assert tone == pytest.approx(next(whole[symmetry]), rel=error + 1e-3) and error < 0.01
+
+
+def clamped_case(*changes: tuple[str, Any]) -> Case:
+    """The bare plate clamped at two opposite edges, as a case."""
+    raw: dict[str, Any] = {
+        "material": "aluminium", "plate": {"thickness_mm": 2.0},
+        "zone": {"length_mm": 24.0, "width_mm": 9.0, "nodal_lines": 2}, "array": {"rows": 0, "extension_mm": 4.5},
+        "solve": {"accuracy": 0.01}, "support": [{"kind": "clamp", "edge": "x-"}, {"kind": "clamp", "edge": "x+"}],
+    }  # fmt: skip
+    return case_from_dict(raw, None, list(changes))
+
+
+def solid_hz(low_hz: float, high_hz: float) -> dict[str, FloatArray]:
+    """Modes of the quarter with its nodes at x+ tied, by class."""
+    graded = [LENGTH / 2.0 - THICK * 0.5**k for k in range(3)]
+    x = np.array([0.0, LENGTH / 8.0, LENGTH / 4.0, LENGTH * 0.34, *graded, LENGTH / 2.0])
+    y, z = np.linspace(0.0, WIDTH / 2.0, 4), THICK * np.array([0.0, 0.125, 0.375, 0.625, 0.875, 1.0])
+    boxes = Boxes(x, y, z, np.zeros((len(x) - 1, len(y) - 1, len(z) - 1), dtype=np.int64), ("plate",))
+    solid = SolidModel(hex_mesh(boxes, 3), {"plate": ALUMINIUM}, ("x+",), True)
+    return {name: modes_in_band(solid.pencil(name), low_hz, high_hz).frequency_hz for name in solid.symmetries if name}
+
+
+@pytest.mark.parametrize(
+    ("support", "said"),
+    [
+        (
+            [{"kind": "clamp", "edge": "x-"}, {"kind": "foam", "edge": "x-", "stiffness_N_per_m2": 1.0}],
+            "support.1.edge",
+        ),
+        ([{"kind": "foam", "edge": "x-"}], "must have stiffness_N_per_m2"),
+        (
+            [{"kind": "foam", "at_mm": [0, 0], "radius_mm": 1.0, "stiffness_N_per_m2": 1.0}],
+            "on a disc is not available",
+        ),
+        ([{"kind": "clamp", "at_mm": [0, 0], "radius_mm": 1.0}], "a spring of"),
+        ([{"kind": "spring", "at_mm": [11.5, 0], "radius_mm": 1.0, "stiffness_N_per_m": 1.0}], "x from -12 to 12"),
+        ([{"kind": "spring", "edge": "x-"}], "must have stiffness_N_per_m or damping_Ns_per_m"),
+        ([{"kind": "mass", "edge": "x-", "mass_g": 1.0, "stiffness_N_per_m": 1.0}], "support.0.stiffness_N_per_m = 1"),
+        ([{"kind": "clamp"}], "either edge, or at_mm with radius_mm"),
+        ([{"kind": "clamp", "edge": "x"}], "must be x-, x+, y- or y+"),
+        ({"kind": "clamp"}, "tables [[support]]"),
+    ],
+)
+def test_a_support_that_cannot_be_is_one_line(support: Any, said: str) -> None:
+    with pytest.raises(InputError, match=re.escape(said)) as fault:
+        clamped_case(("support", support))
+    assert len(fault.value.lines) == 1
+
+
+@pytest.mark.parametrize("words", [["drift"], ["explore"], ["export", "aster"], ["hybrid"], ["travel"]])
+def test_commands_that_know_no_supports_refuse_them(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "held.toml"
+    support = '[[support]]\nkind = "clamp"\nedge = "y-"\n'
+    file.write_text((ROOT / "examples" / "small.toml").read_text() + support)
+    assert main([words[0], *words[1:], str(file)]) == 2
+    assert "[[support]]: must be left out" in capsys.readouterr().err
