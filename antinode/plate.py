@@ -331,15 +331,19 @@ class Plate(Frozen):
         --------
         >>> import antinode, tempfile
         >>> plate = antinode.load("examples/small.toml", rows=0)
-        >>> [file.name for file in plate.export("step", f"{tempfile.mkdtemp()}/plate.step")]  # doctest: +SLOW
+        >>> [file.name for file in plate.export("step", f"{tempfile.mkdtemp()}/plate.step")]
         ['plate.step']
         """
         from pipeline.exchange import exports
 
+        solid = form in ("stl", "step", "3mf")
+        self._case.refuse_unused((), f"export {form}")
+        if not solid and form != "phonopy":
+            self._case.refuse_supports(f"export {form}")
         if form == "phonopy":
             self._case.require("pillar", command="export phonopy")
         else:
-            self._case.require_plate(command=f"export {form}", several=form in ("stl", "step", "3mf"), larger=True)
+            self._case.require_plate(command=f"export {form}", several=solid, larger=True)
         return exports.write(self._case, form, None if path is None else str(path), self._log(progress))
 
     def _log(self, progress: bool | None) -> TerminalLog:

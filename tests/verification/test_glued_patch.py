@@ -127,7 +127,7 @@ RAW: dict[str, Any] = {
         ({"material": "epoxy"}, "patches.glue.thickness_mm: missing"),
         ({"thickness_mm": 0.1}, "patches.glue.material: missing"),
         ({"material": "epoxi", "thickness_mm": 0.1}, "did you mean epoxy"),
-        ({"material": "epoxy", "thickness_mm": 1e-4}, "patches.glue.thickness_mm = 0.0001: must be a finite number above 0"),
+        ({"material": "epoxy", "thickness_mm": 1e-7}, "patches.glue.thickness_mm = 1e-07: must be a finite number above 0"),
         ({"material": "epoxy", "thickness_mm": 0.5}, "must be from 0.0003 to 0.3"),
         ("epoxy", "patches.glue = \"epoxy\": must be a table"),
         ({"material": "epoxy", "thickness_mm": 0.1, "width_mm": 1.0}, "patches.glue.width_mm"),

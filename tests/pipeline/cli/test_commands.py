@@ -45,7 +45,7 @@ def lines(text: str) -> list[str]:
         (("modes", CASE, "--band", "30:34"), "could mean 30 Hz to 34 Hz or 30 kHz to 34 kHz: write the unit"),
         (("modes", CASE, "--count", "99999999999"), "must be 1 or more, at most 10000"),
         (("response", CASE, "--points", "99999999999"), "must be 1 or more, at most 100000"),
-        (("attenuation", CASE, "--kx", "nan"), "must be a number of at most 3e+06 rad/m"),
+        (("attenuation", CASE, "--kx", "nan"), "must be a number of at most 3e+09 rad/m"),
         (("modes", CASE, "--band", "34kHz:30kHz"), "low end"),
         (("modes", CASE, "--set", "array.pitch_mm=1.5"), "array.pitch_mm"),
         (("modes", CASE, "--set", "pilar.side_mm=2"), "pillar"),

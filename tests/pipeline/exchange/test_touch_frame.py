@@ -103,8 +103,8 @@ def bent(nodes: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda nodes: nodes * [1.02, 1.0, 1.0], "is 30.6 x 18 mm: must be a plane face of 30 mm (zone.length_mm)"),
-        (lambda nodes: nodes * [1.0, 0.5, 1.0], "is 30 x 9 mm: must be a plane face of 30 mm (zone.length_mm)"),
+        (lambda nodes: nodes * [1.02, 1.0, 1.0], "is 30.6 x 18 mm: must be a plane face of 30 mm (length_mm"),
+        (lambda nodes: nodes * [1.0, 0.5, 1.0], "is 30 x 9 mm: must be a plane face of 30 mm (length_mm"),
         (bent, "is not flat: its nodes lie up to"),
     ],
     ids=["long", "narrow", "bent"],
