@@ -1,4 +1,4 @@
-"""What continuous integration runs, called by `.ci/run`: the quick tests, then one share of the slow proofs."""
+"""What continuous integration runs once every share has passed: the quick tests, then one share of the slow proofs."""
 
 from __future__ import annotations
 
