@@ -650,7 +650,7 @@ class Design:
 
     def pillar_centres(self) -> FloatArray:
         """Centres of every pillar, shape (pillars, 2), m, row by row along y; empty without pillars."""
-        return self._centres(range(len(self.lines_of_feet())))
+        return _places(self.lines_of_feet())
 
     @property
     def row_numbers(self) -> tuple[int, ...]:
@@ -658,19 +658,19 @@ class Design:
         own = tuple(range(len(self.row_pillars)))
         return (*own[::-1], *own[:1] * (self.shared_rows * (self.zones - 1)), *own)
 
-    def _centres(self, places: Sequence[int]) -> FloatArray:
-        """Centres of the pillars of some rows of the plate, numbered along y."""
-        every = self.lines_of_feet()
-        lines = [every[place] for place in places]
-        return np.concatenate([np.empty((0, 2)), *(np.column_stack([x, np.full(len(x), at)]) for at, x in lines)])
-
     def standing(self) -> tuple[PillarGroup, ...]:
         """Every kind of pillar with the centres where it stands."""
-        if self.surround and self.pillar:
-            return (PillarGroup(self.pillar, self.pillar_centres()),)
+        lines = self.lines_of_feet()
+        if self.pillar and lines and not self.graded:
+            return (PillarGroup(self.pillar, _places(lines)),)
         pillars = [self.row_pillars[number] for number in self.row_numbers]
         kinds = {kind: [row for row, pillar in enumerate(pillars) if pillar == kind] for kind in dict.fromkeys(pillars)}
-        return tuple(PillarGroup(kind, self._centres(own)) for kind, own in kinds.items())
+        return tuple(PillarGroup(kind, _places([lines[row] for row in own])) for kind, own in kinds.items())
+
+
+def _places(lines: Sequence[tuple[float, FloatArray]]) -> FloatArray:
+    """Centres (pillars, 2) of some lines of pillars along x."""
+    return np.concatenate([np.empty((0, 2)), *(np.column_stack([x, np.full(len(x), at)]) for at, x in lines)])
 
 
 # -- patches -----------------------------------------------------------------------------------------------------------

@@ -216,9 +216,10 @@ def tile(design: Design, max_edge_m: float) -> Tiling:
     }
     if not design.rows:
         return Tiling(x, y, {}, design.is_mirrored, **plain)
-    places = (np.searchsorted(y, [row for row, _ in design.lines_of_feet()]) - 1).tolist()
+    lines = design.lines_of_feet()
+    places = (np.searchsorted(y, [row for row, _ in lines]) - 1).tolist()
     pillars = dict(zip(places, (*design.graded[::-1], *design.graded), strict=True)) if design.graded else {}
-    return Tiling(x, y, _feet(x, y, design.lines_of_feet()), design.is_mirrored, pillars, **plain)
+    return Tiling(x, y, _feet(x, y, lines), design.is_mirrored, pillars, **plain)
 
 
 def tightest_panels(design: Design) -> list[Panel]:
