@@ -336,14 +336,6 @@ class Plate(Frozen):
         """
         from pipeline.exchange import exports
 
-        solid = form in ("stl", "step", "3mf")
-        self._case.refuse_unused((), f"export {form}")
-        if not solid and form != "phonopy":
-            self._case.refuse_supports(f"export {form}")
-        if form == "phonopy":
-            self._case.require("pillar", command="export phonopy")
-        else:
-            self._case.require_plate(command=f"export {form}", several=solid, larger=True)
         return exports.write(self._case, form, None if path is None else str(path), self._log(progress))
 
     def _log(self, progress: bool | None) -> TerminalLog:

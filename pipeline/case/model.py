@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from math import inf, isfinite, isnan, nan, pi
 from pathlib import Path
@@ -20,6 +20,7 @@ from geometry.materials import PIEZO_MATERIALS, Layer, Material, Stack
 from geometry.pillar_shapes import PillarShape
 from pipeline.case.checks import one_table, span_mm
 from pipeline.case.defects import Defect, read_defects
+from pipeline.case.features import refusals
 from pipeline.case.reading import (
     GLUE,
     GROUPS,
@@ -53,11 +54,6 @@ TABLE_EXAMPLES = {  # example of a rarely used table
     "patches": ", such as --set \"patches={material='pz26', size_mm=[12.0, 3.0, 0.3]}\"",
     "tolerance": ', such as --set "tolerance={height_mm=0.05}"',
     "touch": ', such as --set "touch={radius_mm=5.0}"',
-}
-
-HONOURED_BY = {  # tables that few commands honour, and which
-    "[[defect]]": "it is for cells of a supercell (bands with --supercell)",
-    "[materials]": "it is for groups of a mesh file (modes and bands with --mesh-file)",
 }
 
 
@@ -125,16 +121,10 @@ class Case:
         others = (section.material for each in self.defects if each.pillar for section in each.pillar.sections)
         return tuple(dict.fromkeys((*self.design.materials, *(each for _, each in self.group_materials), *others)))
 
-    def refuse_unused(self, honoured: Collection[str], command: str) -> None:
-        """Raise InputError for a table of the case that would change the answer, but that the command cannot honour."""
-        given = {"[materials]": self.group_materials, "[[defect]]": self.defects}
-        lines = [
-            f"{self.source or self.name}: {name}: {command} cannot honour it: {HONOURED_BY[name]}, or remove it"
-            for name, content in given.items()
-            if content and name not in honoured
-        ]
-        if lines:
-            raise InputError(lines)
+    def refuse(self, command: str, honours: tuple[str, ...] = ()) -> None:
+        """Raise InputError for what would change the answer, but what the command cannot honour (`features`)."""
+        if lines := refusals(self, command, honours):
+            raise InputError(f"{self.source or self.name}: {line}" for line in lines)
 
     @property
     def is_lossy(self) -> bool:
@@ -195,24 +185,9 @@ class Case:
             ]
             raise InputError(f"{where}: {name}: missing, {why}" for name, why in visible)
 
-    def refuse_supports(self, command: str) -> None:
-        """Raise InputError for a supported plate, for a command that knows free plates only."""
-        if self.design.supports:
-            what = "must be left out: {} supports free plates only (modes and response support any)"
-            raise InputError(f"{self.source or self.name}: [[support]]: {what.format(command)}")
-
-    def require_plate(self, command: str = "this command", several: bool = False, larger: bool = False) -> None:
-        """Raise InputError unless the file has [plate], [zone] and, with pillars, array.rows; one zone, or `several`; a plate
-        that zone and rows fill along x, or a `larger` one.
-        """
-        if self.design.larger_m and not larger:
-            size = f"plate.length_mm = {self.design.larger_m[0] / MM:g}: must be left out with plate.width_mm"
-            what = f"{command} supports a plate as long as its zone only (antinode modes and response support any)"
-            raise InputError(f"{self.source if self.source is not None else self.name}: {size}: {what}")
-        if self.design.zones > 1 and not several:
-            where, count = self.source if self.source is not None else self.name, self.design.zones
-            what = f"must be 1: {command} supports a single zone (antinode crosstalk supports several)"
-            raise InputError(f"{where}: zone.count = {count}: {what}")
+    def require_plate(self, command: str = "this command", honours: tuple[str, ...] = ()) -> None:
+        """Raise InputError unless the command can honour the case, which has [plate], [zone] and, with pillars, array.rows."""
+        self.refuse(command, honours)
         self.require("plate", "zone", *(("array.rows",) if "pillar" in self.given else ()), command=command)
 
     def require_one_kind(self, command: str) -> None:

@@ -28,7 +28,6 @@ def run(arguments: Namespace) -> int:
     if arguments.export:
         outputs.check_files("--export", [arguments.export])
     log = TerminalLog(arguments.quiet)
-    case.refuse_unused((), "explore")
     warn_of_doubts(case.design, log)
     if case.solve.moduli_kHz is None:
         warn_of_moduli(case.materials, log)
@@ -46,7 +45,6 @@ def run(arguments: Namespace) -> int:
 def explorer_of(case: Case, raw: dict[str, Any], overrides: tuple[str, ...], log: Log) -> Explorer:
     """Return the page's answerer: the case and the model of its cell. Raises InputError for an unsupported case."""
     case.require_plate("explore")
-    case.refuse_supports("explore")
     case.require("pillar", "zone", command="explore")
     from pipeline.explore.answer import Explorer, Scene
     from pipeline.models.parametric import cell_model

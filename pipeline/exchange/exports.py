@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
+from pipeline.case.features import LARGER, OF_A_PLATE
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -38,6 +39,7 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
     """
     if form not in SOLVER_FILES and part != "plate":
         raise InputError(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
+    _require(case, form, part)
     path = Path(f"{case.name}{ENDINGS[form][0]}" if output is None else output)
     outputs.check_files("-o", places(form, output if output == "" else path))
     if output is not None:
@@ -50,6 +52,16 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
     if form in CAD:
         return [_cad(case, form, path, log)]
     return _vtu(case, path, log) if form == "vtu" else _table(case, path, log, force)
+
+
+def _require(case: Case, form: str, part: str) -> None:
+    """Raise InputError for a case that lacks what is to be written, or that the format cannot honour."""
+    command = f"export {form}"
+    if form != "phonopy" and part == "plate":
+        case.require_plate(command, OF_A_PLATE if form in CAD else (LARGER,))
+        return
+    case.refuse(command, OF_A_PLATE)
+    case.require(*(("plate", "zone") if part == "zone" else ("pillar",)), command=command)
 
 
 def _check_ending(form: str, path: Path) -> None:

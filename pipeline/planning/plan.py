@@ -140,9 +140,8 @@ def _window(query: Request) -> str:
     return f"the {query.count} modes " + (f"nearest {khz(query.near_hz)}" if query.near_hz else "lowest")
 
 
-def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, several: bool = False) -> Step:
+def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) -> Step:
     """Plan the forced response to the patches."""
-    case.require_plate(command="response", several=several, larger=True)
     case.require("patches", command="response")
     patches = case.patches
     assert patches is not None

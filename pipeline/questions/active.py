@@ -8,6 +8,7 @@ from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
+from pipeline.case.features import OF_A_PLATE
 from pipeline.case.limits import QUALITY
 from pipeline.errors import InputError
 from pipeline.quantity import KHZ, MM, several
@@ -280,6 +281,7 @@ class ActivePillar(
     family="active",
     without_case="three-rows.toml",
     is_quick=True,
+    honours=OF_A_PLATE,
     example="active pillar --cell",
 ):
     """Stop flexural waves with pillars on a strip of the case's plate.

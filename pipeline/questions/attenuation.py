@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from math import isfinite, nan, pi
 from typing import Any
 
+from pipeline.case.features import OF_A_PLATE
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_WAVENUMBER
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import AttenuationPoint
@@ -240,9 +241,8 @@ class Attenuation(
     Question[AttenuationResult],
     needs=("plate", "array.pitch_mm", "pillar"),
     pictures=("report.gallery.attenuation",),
-    of_any_plate=True,
+    honours=OF_A_PLATE,
     at_own_frequencies=True,
-    of_supports=True,
 ):
     """Compute the attenuation per row in dB across the border of the zone, at a wavenumber along it.
 
@@ -338,7 +338,7 @@ class PredictionResult(Result, axes=()):
     needed = figure_at("rows_needed", "rows needed (infinite array)", name="rows_needed")
 
 
-class Prediction(Question[PredictionResult], follows="attenuation"):
+class Prediction(Question[PredictionResult], follows="attenuation", honours=OF_A_PLATE):
     """Predict the plate's confinement from the attenuation per row at its target mode."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> PredictionResult:

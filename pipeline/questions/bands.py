@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline import quantity
+from pipeline.case.features import DEFECTS, GROUPS, OF_A_PLATE
 from pipeline.errors import InputError
 from pipeline.quantity import KHZ, several
 from pipeline.questions.late import (
@@ -402,8 +403,7 @@ class Bands(
     needs=("plate", "array.pitch_mm"),
     pictures=("report.gallery.dispersion",),
     at_own_frequencies=True,
-    of_any_plate=True,
-    of_supports=True,
+    honours=OF_A_PLATE,
 ):
     """Compute Bloch bands and gaps of the unit cell along the case's path.
 
@@ -456,7 +456,7 @@ class Bands(
         return BandsResult.of_solved(solved)
 
 
-class SupercellBands(Bands, Question[BandsResult], instead_of="bands", by="supercell", honours=("[[defect]]",)):
+class SupercellBands(Bands, Question[BandsResult], instead_of="bands", by="supercell", honours=(*OF_A_PLATE, DEFECTS)):
     """Compute Bloch bands and gaps of a supercell of the case's own cells, some of them changed by `[[defect]]`.
 
     >>> import antinode
@@ -494,7 +494,7 @@ class SupercellBands(Bands, Question[BandsResult], instead_of="bands", by="super
         return BandsResult.of_solved(solve_supercell_bands(case, choice, self.size, run))
 
 
-class MeshBands(Question[BandsResult], instead_of="bands", by="mesh_file", honours=("[materials]",)):
+class MeshBands(Question[BandsResult], instead_of="bands", by="mesh_file", honours=(*OF_A_PLATE, GROUPS)):
     """Compute Bloch bands and gaps of your own mesh of a unit cell, whose sides are tied along the case's lattice vectors.
 
     The mesh is solved whole and unchanged; a second, finer or coarser, mesh of the cell gives error bars.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from pipeline.case.features import ZONES
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.answer_parts import DrivenZone, worst_of
 from pipeline.quantity import KHZ, MM, NM, frequency_with_bar, level, level_figure, level_with_bar
@@ -105,7 +106,7 @@ class Crosstalk(
     Question[CrosstalkResult],
     needs=("patches",),
     drives=True,
-    of_any_zones=True,
+    honours=(ZONES,),
     example="crosstalk examples/two-zones.toml --out crosstalk",
 ):
     """Drive each of several zones on one plate in turn and measure all, in dB ([[zone]] in the case).
@@ -130,7 +131,7 @@ class Crosstalk(
     def plan(self, case: Case) -> Plan:
         from dataclasses import replace
 
-        step = plans.response_step(case, hz(self.band_kHz), self.points, several=True)
+        step = plans.response_step(case, hz(self.band_kHz), self.points)
         looks = f"{self.points} frequencies, {case.design.zones} zones, each driven in turn"
         own = replace(step, measure=self.name, name="cross-talk between zones", looks_for=looks)
         return plans.plan_of(case, own)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from pipeline.case.features import LARGER
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import LayerStress, WarmPlate
 from pipeline.quantity import KHZ, figure, percent, with_bar
@@ -84,7 +85,7 @@ class DriftResult(Result, table="points", axes=("temperature_C",)):
 
 
 class Drift(
-    Question[DriftResult], needs=("plate", "zone"), example="drift examples/small.toml --points 3", of_any_plate=True
+    Question[DriftResult], needs=("plate", "zone"), example="drift examples/small.toml --points 3", honours=(LARGER,)
 ):
     """Compute the drift of the target mode with temperature (Hz/K, dB/K), and the stress of the plate's layers (Pa/K).
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from geometry.layout import Design, region_materials
+from pipeline.case.features import OF_A_PLATE
 from pipeline.quantity import GRAM, MM, figure, percentage, signed
 from pipeline.questions.late import Case, Plan
 from pipeline.questions.question import Question, Run
@@ -45,7 +46,7 @@ class GeometryResult(Result, axes=()):
         )
 
 
-class Geometry(Question[GeometryResult], in_studies_only=True, of_any_zones=True, of_any_plate=True, of_supports=True):
+class Geometry(Question[GeometryResult], in_studies_only=True, honours=OF_A_PLATE):
     """Write print and CAD files of the plate and check the print file."""
 
     step = ("print and CAD files", "CAD solids; STL read back")

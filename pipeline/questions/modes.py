@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
+from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, SUPPORTS, ZONES
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import CountRecord, ModeRecord, TargetMode, TargetRecord
@@ -263,9 +264,8 @@ class Modes(
     Question[ModesResult],
     example="modes studies/three-rows.toml --part zone --count 14",
     at_own_frequencies=True,
-    of_any_plate=True,
+    honours=(LARGER, SUPPORTS),
     aliases=("confinement",),
-    of_supports=True,
     pictures=("plots.rendering.report_figures", "plots.fields.touch_face", "plots.fields.neighbours"),
 ):
     """Compute the modes of plate, zone or pillar in a band, or some of them near a frequency.
@@ -288,11 +288,15 @@ class Modes(
         """Return the case of the part: its zone ends free, also where the plate goes on."""
         return replace(case, design=case.design.zone_alone) if self.part == "zone" else case
 
+    def honoured(self) -> tuple[str, ...]:
+        """Return what the part honours: a zone or a pillar alone has nothing of the plate."""
+        return self.honours if self.part == "plate" else OF_A_PLATE
+
     def check(self, case: Case) -> None:
         """Raise InputError for a case that lacks the part, and for a band together with a frequency."""
         _check_window(self.near_kHz, self.band_kHz)
         if self.part == "plate":
-            case.require_plate(command="modes --part plate", larger=True)
+            case.require_plate("modes --part plate", self.honours)
         else:
             case.require(*NEEDED[self.part], command=f"modes --part {self.part}")
 
@@ -356,7 +360,7 @@ class ShapesResult(Result, axes=("shape",)):
     coefficients: list[list[float]] = column("coefficients of u_z", along=("shape", "function"))
 
 
-class Shapes(Question[ShapesResult], follows="modes", of_supports=True):
+class Shapes(Question[ShapesResult], follows="modes", honours=(LARGER, SUPPORTS)):
     """Keep the shapes of the modes nearest the target mode, its mode table and, on demand, the field of every mode."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ShapesResult:
@@ -387,8 +391,7 @@ class ZoneModes(
     in_studies_only=True,
     aliases=("parts",),
     at_own_frequencies=True,
-    of_any_plate=True,
-    of_supports=True,
+    honours=OF_A_PLATE,
 ):
     """Compute the modes of the isolated zone, to compare with the pre-design."""
 
@@ -420,7 +423,7 @@ class PillarModes(ZoneModes, Question[ModesResult]):
 # -- of a mesh file ----------------------------------------------------------------------------------------------------
 
 
-class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file", honours=("[materials]",)):
+class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file", honours=(ZONES, LARGER, GROUPS)):
     """Compute the modes of your own mesh with the material of the case.
 
     The mesh is solved whole and unchanged, in Hz and dB; the group TOUCH, if present, is the face that is evaluated.

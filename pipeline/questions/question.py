@@ -193,9 +193,6 @@ class Question(Declared, Generic[R]):
     needs: ClassVar[Axis] = ()  # tables and keys that a case must have
     example: ClassVar[str] = ""  # a command line
     drives: ClassVar[bool] = False  # whether it drives the plate
-    of_any_zones: ClassVar[bool] = False  # whether plates with several zones can answer it
-    of_any_plate: ClassVar[bool] = False  # whether plates larger than zone and rows can answer it
-    of_supports: ClassVar[bool] = False  # whether supported plates can answer it, or it is about no plate
     # functions that draw a study's case from several answers, in place of the result's own
     pictures: ClassVar[Axis] = ()
     step: ClassVar[tuple[str, str]] = ("", "")  # for a plan of one step: what is computed, and by which model
@@ -209,7 +206,7 @@ class Question(Declared, Generic[R]):
     family: ClassVar[str] = ""  # parent command, such as active in `antinode active mason`
     without_case: ClassVar[str | None] = None  # the study's case if none is given, "" for none; no study asks it
     instead_of: ClassVar[str] = ""  # the question whose command asks this one
-    honours: ClassVar[Axis] = ()  # tables of the case that only few questions honour
+    honours: ClassVar[Axis] = ()  # what it honours of `pipeline.case.features`
     by: ClassVar[str | Axis] = ()  # the option that selects it, or one of several
     progress: bool | None = field(default=None, compare=False, repr=False)
 
@@ -274,13 +271,15 @@ class Question(Declared, Generic[R]):
         """Return the case with the options that override its keys."""
         return case
 
+    def honoured(self) -> Axis:
+        """Return what these options honour of `pipeline.case.features`."""
+        return self.honours
+
     def suited(self, case: Case | None) -> Any:
         """Return the case as it is asked of. Raises InputError for an unsuitable one."""
         about: Any = case and self.asked_of(case)
         if about:
-            about.refuse_unused(self.honours, self.instead_of or self.name)
-            if not self.of_supports:
-                about.refuse_supports(self.instead_of or self.name)
+            about.refuse(self.instead_of or self.name, self.honoured())
         self.check(about)
         return about
 
@@ -288,7 +287,7 @@ class Question(Declared, Generic[R]):
         """Raise InputError for an unsuitable case; subclasses add conditions beyond `needs`."""
         command = self.instead_of or self.name
         if self.drives:
-            case.require_plate(command=command, several=self.of_any_zones, larger=self.of_any_plate)
+            case.require_plate(command, self.honours)
         if self.needs:
             case.require(*self.needs, command=command)
 

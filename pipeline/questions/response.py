@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.case.features import LARGER, SUPPORTS
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_SEED
 from pipeline.errors import InputError
 from pipeline.measured.parts import MeasuredRecord
@@ -365,10 +366,9 @@ class Response(
     Question[ResponseResult],
     needs=("patches",),
     drives=True,
-    of_any_plate=True,
+    honours=(LARGER, SUPPORTS),
     at_own_frequencies=True,
     example="response studies/three-rows.toml --band 28kHz:38kHz",
-    of_supports=True,
 ):
     """Compute the forced response to the patches over a band, with more points about each peak.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal
 
+from pipeline.case.features import ZONES
 from pipeline.case.limits import MAX_EVALUATIONS
 from pipeline.errors import InputError
 from pipeline.quantity import GRAM, KHZ, MM, frequency, level, level_figure, level_with_bar, signed, with_bar
@@ -302,6 +303,7 @@ class Search(
     needs=("pillar", "array.pitch_mm"),
     example="search studies/three-rows.toml --vary pillar.height_mm=5:8 --vary array.pitch_mm=4:8 --out found",
     is_measure=False,
+    honours=(ZONES,),
 ):
     """Search for the design that confines the target mode best, with keys varied between two ends.
 

@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.case.features import FEATURES
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.planning import simplifications
@@ -56,11 +57,9 @@ def chosen(query: Iterable[str]) -> list[Question[Any]]:
 def check(case: Case, query: Iterable[str]) -> None:
     """Raise InputError for a case that lacks a table or key that its questions need."""
     asked = chosen(query)
-    zones, larger = (all(getattr(each, name) for each in asked) for name in ("of_any_zones", "of_any_plate"))
-    case.require_plate(command="a study", several=zones, larger=larger)
+    case.require_plate("a study", tuple(FEATURES))
     for each in asked:
-        if not each.of_supports:
-            case.refuse_supports(f"the measure {each.name}")
+        case.refuse(f"the measure {each.name}", each.honoured())
         if each.drives and each.needs:
             case.require(*each.needs, command=f"the measure {each.name}")
         if each.after and each.after not in [other.name for other in asked]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
+from pipeline.case.features import ZONES
 from pipeline.case.model import Case
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
@@ -377,7 +378,7 @@ def search(
 def check(space: Space, settings: Settings) -> None:
     """Raise InputError for a case or keys that do not suit the goal."""
     case = space.case()
-    case.require_plate(command="search", several=True)
+    case.require_plate("search", (ZONES,))
     case.require("pillar", "array.pitch_mm", command="search")
     case.one_quality_factor("search")
     case.require_mirrored("search")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.architecture.hops import functions_by_file
 
-BOUND = 63
+BOUND = 64
 
 
 def test_bands_of_a_small_plate_run_through_few_files() -> None:

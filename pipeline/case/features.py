@@ -1,0 +1,54 @@
+"""What few commands can honour: what a case says of it, and the line that refuses it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.quantity import MM
+
+ZONES, LARGER, SUPPORTS, GROUPS, DEFECTS = "[[zone]]", "[plate] length_mm", "[[support]]", "[materials]", "[[defect]]"
+OF_A_PLATE = (ZONES, LARGER, SUPPORTS)  # of no consequence to a unit cell
+
+
+@dataclass(frozen=True)
+class Feature:
+    """Something in a case that changes an answer.
+
+    given: the words of a `Case` for it, or '' where it has none. refusal: what a command that cannot honour it says.
+    """
+
+    given: Callable[[Any], str]
+    refusal: str
+
+
+FEATURES = {
+    LARGER: Feature(
+        lambda case: f"plate.length_mm = {case.design.larger_m[0] / MM:g}" if case.design.larger_m else "",
+        "must be left out with plate.width_mm: {} supports a plate as long as its zone only"
+        " (antinode modes and response support any)",
+    ),
+    ZONES: Feature(
+        lambda case: f"zone.count = {case.design.zones}" if case.design.zones > 1 else "",
+        "must be 1: {} supports a single zone (antinode crosstalk supports several)",
+    ),
+    SUPPORTS: Feature(
+        lambda case: SUPPORTS if case.design.supports else "",
+        "must be left out: {} supports free plates only (modes and response support any)",
+    ),
+    GROUPS: Feature(
+        lambda case: GROUPS if case.group_materials else "",
+        "{} cannot honour it: it is for groups of a mesh file (modes and bands with --mesh-file), or remove it",
+    ),
+    DEFECTS: Feature(
+        lambda case: DEFECTS if case.defects else "",
+        "{} cannot honour it: it is for cells of a supercell (bands with --supercell), or remove it",
+    ),
+}
+
+
+def refusals(case: Any, command: str, honours: tuple[str, ...]) -> list[str]:
+    """Return a line for everything in a case that a command cannot honour."""
+    given = {name: feature.given(case) for name, feature in FEATURES.items() if name not in honours}
+    return [f"{words}: {FEATURES[name].refusal.format(command)}" for name, words in given.items() if words]
