@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.quantity import MM
 
+if TYPE_CHECKING:
+    from geometry.layout import Design
+
 ZONES, LARGER, SUPPORTS, GROUPS, DEFECTS = "[[zone]]", "[plate] length_mm", "[[support]]", "[materials]", "[[defect]]"
-OF_A_PLATE = (ZONES, LARGER, SUPPORTS)  # of no consequence to a unit cell
+STRESS = "solve.temperature_C"  # of a plate whose supports hold its expansion
+OF_A_PLATE = (ZONES, LARGER, SUPPORTS, STRESS)  # of no consequence to a unit cell
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,11 @@ FEATURES = {
         lambda case: SUPPORTS if case.design.supports else "",
         "must be left out: {} supports free plates only (modes and response support any)",
     ),
+    STRESS: Feature(
+        lambda case: f"{STRESS} = {case.solve.temperature_C:g}" if _is_stressed(case.design) else "",
+        "must be 20: {} leaves out the stress of a plate whose clamped or simply supported edges hold its expansion"
+        " (expansion_per_K = 0 of all layers is for a mount that expands with the plate)",
+    ),
     GROUPS: Feature(
         lambda case: GROUPS if case.group_materials else "",
         "{} cannot honour it: it is for groups of a mesh file (modes and bands with --mesh-file), or remove it",
@@ -46,6 +55,16 @@ FEATURES = {
         "{} cannot honour it: it is for cells of a supercell (bands with --supercell), or remove it",
     ),
 }
+
+
+def _is_stressed(design: Design) -> bool:
+    """Whether held edges meet layers that expand, or may do so, between the usual temperature and that of the case."""
+    from geometry.materials import USUAL_C
+
+    layers = (material for material, _ in design.stack.layers)
+    return any(each.held_axes for each in design.supports) and any(
+        material.temperature_c != USUAL_C and material.expansion_per_k != 0.0 for material in layers
+    )
 
 
 def refusals(case: Any, command: str, honours: tuple[str, ...]) -> list[str]:

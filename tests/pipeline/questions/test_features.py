@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.case.features import DEFECTS, FEATURES, GROUPS, LARGER, OF_A_PLATE, SUPPORTS, ZONES
+from pipeline.case.features import DEFECTS, FEATURES, GROUPS, LARGER, OF_A_PLATE, STRESS, SUPPORTS, ZONES, refusals
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.questions import known
@@ -19,10 +19,17 @@ TABLES: dict[str, dict[str, Any]] = {
     ZONES: {"zone": [SMALL["zone"], {"shared_rows": 3}]},
     LARGER: {"plate": {**SMALL["plate"], "length_mm": 80.0, "width_mm": 60.0}, "array": {"pitch_mm": 4.0, "rows": 1}},
     SUPPORTS: {"support": [{"kind": "clamp", "edge": "y-"}]},
+    STRESS: {"support": [{"kind": "simple", "edge": "x+"}], "solve": {"temperature_C": 60.0}},
     GROUPS: {"materials": {"ROOF": "steel"}},
     DEFECTS: {"defect": [{"at": [0, 0], "remove": True}]},
 }
-WORDS = {ZONES: "zone.count = 2: ", LARGER: "plate.length_mm = 80: ", SUPPORTS: "[[support]]: "}
+ALLOY = {"density_kg_m3": 2700.0, "young_GPa": 70.0, "poisson": 0.33}
+WORDS = {
+    ZONES: "zone.count = 2: ",
+    LARGER: "plate.length_mm = 80: ",
+    SUPPORTS: "[[support]]: ",
+    STRESS: "solve.temperature_C = 60: ",
+}
 ABOUT_CASES = {name: kind for name, kind in known().items() if kind.without_case is None}
 
 
@@ -45,8 +52,8 @@ def test_what_a_question_cannot_honour_is_refused_in_one_line(name: str, feature
     question = kind.in_study() or kind()
     with pytest.raises(InputError) as fault:
         question.suited(case_with(feature))
-    assert len(fault.value.lines) == 1
-    assert WORDS.get(feature, f"{feature}: ") in fault.value.lines[0] and name in fault.value.lines[0]
+    line = next(each for each in fault.value.lines if WORDS.get(feature, f"{feature}: ") in each)
+    assert name in line and len(fault.value.lines) == (2 if feature == STRESS and SUPPORTS not in kind.honours else 1)
 
 
 def test_a_zone_or_a_pillar_alone_has_nothing_of_the_plate() -> None:
@@ -54,3 +61,18 @@ def test_a_zone_or_a_pillar_alone_has_nothing_of_the_plate() -> None:
         Modes(part="pillar").suited(case_with(feature))
     with pytest.raises(InputError, match=r"zone\.count = 2"):
         Modes().suited(case_with(ZONES))
+
+
+@pytest.mark.parametrize(
+    ("changes", "stressed"),
+    [
+        ({}, True),
+        ({"support.0.kind": "foam", "support.0.stiffness_N_per_m2": 1e4}, False),
+        ({"solve.temperature_C": 20.0}, False),
+        ({"material": {**ALLOY, "expansion_per_K": 0.0}}, False),
+        ({"material": ALLOY}, True),  # unknown is not small
+    ],
+)
+def test_only_held_plates_that_expand_are_stressed(changes: dict[str, Any], stressed: bool) -> None:
+    case = case_with(STRESS).but(changes)
+    assert any(STRESS in line for line in refusals(case, "modes", (SUPPORTS,))) == stressed
