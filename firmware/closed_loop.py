@@ -70,7 +70,7 @@ REACHED, SLOW_STEP_S = 0.95, 2e-3
 class SingleRig(Supervised):
     """an_single and a Plate in lock step; windows() returns the values at the end of each window."""
 
-    def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0) -> None:
+    def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0, confirmed: bool = True) -> None:
         self.ffi, self.lib = load()
         self.sample_rate_hz = plate.sample_rate_hz
         self.table = self.ffi.from_buffer("uint8_t[]", table)
@@ -82,6 +82,7 @@ class SingleRig(Supervised):
         self.rig.plate.sensitivity = 1.0
         self.set_plate(plate)
         self.lib.an_single_boot(self.ffi.addressof(self.app), self.table, len(table), plate.sample_rate_hz, faults)
+        self.app.base.confirmed = confirmed  # otherwise the first start checks the table's values
 
     @property
     def pointer(self) -> Any:

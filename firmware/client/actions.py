@@ -21,6 +21,7 @@ from firmware.client.client import BoardError, Client, Refused, figure
 from firmware.mode_table import RATE_HZ
 from firmware.protocol import PAYLOAD_MAX, PROTOCOL, Identity, Record, SingleStatus, SixStatus
 
+FADE_S = 1.0  # twice the longest time from a stop to rest
 LOOK_S = 0.1  # between two status requests, which also keep up the contact with the board
 DRIVING = ("identify", "run")
 WINDOW_HZ = RATE_HZ["single"] / 50  # single build: windows of 50 samples
@@ -159,6 +160,14 @@ def pattern(client: Client, text: argparse.Namespace) -> None:
     """Hold a pattern of the current shape."""
     client.pattern(text.number, text.reference)
     keep_running(client, "pattern")
+
+
+def stop(client: Client, text: argparse.Namespace) -> None:
+    """Return to rest, and wait until the drives have faded out."""
+    client.stop()
+    end = time.monotonic() + FADE_S
+    while client.status().state in DRIVING and time.monotonic() < end:
+        time.sleep(LOOK_S)
 
 
 def identify(client: Client, text: argparse.Namespace) -> None:

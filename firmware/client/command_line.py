@@ -143,7 +143,7 @@ ACTIONS = {
         actions.start,
         (ANY_LEVEL, DETUNING),
     ),
-    "stop": Action("return to rest", lambda client, text: client.stop()),
+    "stop": Action("return to rest", actions.stop),
     "clear": Action("leave the fault state", lambda client, text: client.clear()),
     "reference": Action(
         "change the amplitude while running", lambda client, text: client.reference(text.reference), (LEVEL,)

@@ -5,6 +5,7 @@
 #include "an_faults.h"
 
 #define AN_FULL_DRIVE_S 10.0f
+#define AN_FADE_S 0.5f /* longest time between a stop and rest */
 
 enum { HASH_AT = 32, HASH_BYTES = 16 };
 
@@ -16,6 +17,8 @@ void an_application_boot(an_application *app, float sample_rate_hz, uint32_t fau
     app->chosen++;
     app->looked = 0u;
     app->full_s = 0.0f;
+    app->fade_s = 0.0f;
+    app->confirmed = false;
     app->eased = false;
     an_clear(&app->retry, sizeof app->retry);
     an_texture_init(&app->texture);
@@ -49,6 +52,7 @@ bool an_application_identify(an_application *app, const an_build *build)
 bool an_application_is_measured(an_application *app, const an_build *build)
 {
     app->measured++;
+    app->confirmed = true;
     if (app->supervisor.measure_only) {
         an_supervisor_enter(&app->supervisor, AN_STATE_IDLE);
         build->post_rest(app, false);
@@ -59,7 +63,9 @@ bool an_application_is_measured(an_application *app, const an_build *build)
 void an_application_stop(an_application *app)
 {
     an_retry_cancel(&app->retry);
-    an_supervisor_stop(&app->supervisor);
+    if (app->fade_s == 0.0f && an_supervisor_drives(&app->supervisor)) {
+        app->fade_s = AN_FADE_S;
+    }
 }
 
 bool an_application_clear(an_application *app, const an_build *build)
@@ -82,13 +88,25 @@ static void rest(an_application *app, const an_build *build)
 }
 
 /* Bound the time at full drive: after AN_FULL_DRIVE_S the drive is limited to AN_EASED for as long. */
-static void limit_full_drive(an_application *app, const an_moment *now)
+static void limit_full_drive(an_application *app, const an_moment *now, float passed_s)
 {
-    const float passed_s = (float)(now->window - app->looked) / now->window_hz;
-    app->looked = now->window;
     const float full_s = app->full_s + (now->limited && !app->eased ? passed_s : -passed_s);
     app->full_s = full_s > 0.0f ? full_s : 0.0f;
     app->eased = app->full_s >= AN_FULL_DRIVE_S || (app->eased && app->full_s > 0.0f);
+}
+
+/* End a job that was stopped, once its drives have faded out. */
+static void serve_stop(an_application *app, const an_build *build, float passed_s)
+{
+    if (app->fade_s == 0.0f) {
+        return;
+    }
+    app->fade_s -= passed_s;
+    const bool fades = app->supervisor.state == AN_STATE_RUN && build->fades != NULL && build->fades(app);
+    if (!(fades && app->fade_s > 0.0f)) {
+        app->fade_s = 0.0f;
+        an_supervisor_stop(&app->supervisor);
+    }
 }
 
 /* Start the last job again; its host has stayed in contact. */
@@ -114,7 +132,10 @@ void an_application_poll(an_application *app, const an_build *build)
     if (!now.vacant) {
         return;
     }
-    limit_full_drive(app, &now);
+    const float passed_s = (float)(now.window - app->looked) / now.window_hz;
+    app->looked = now.window;
+    limit_full_drive(app, &now, passed_s);
+    serve_stop(app, build, passed_s);
     const an_retry_order order = an_retry_decide(&app->retry, &app->supervisor, now.window, 1.0f / now.window_hz);
     switch (an_supervisor_decide(&app->supervisor, now.job, now.faults, now.window, 1.0f / now.window_hz)) {
     case AN_ACT_REST:

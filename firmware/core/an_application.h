@@ -20,12 +20,14 @@ typedef struct {
     an_texture texture;
     an_retry retry;
     uint32_t looked; /* window of the last main-loop pass */
+    float fade_s;    /* time left for the drives to fade out after a stop, 0: no stop is due */
     float full_s;    /* time at full drive, minus the time below it, at least 0 */
     bool eased;      /* full drive has lasted too long: the drive is limited to AN_EASED of its limit */
     uint32_t worst_cycles; /* longest fast interrupt so far; written by the board */
     uint32_t slot;         /* selected set of measured values: 0, or the index of the shape */
     uint32_t chosen;       /* number of selections so far */
     uint32_t measured;     /* number of successful measurements so far */
+    bool confirmed;        /* the values in use have been measured, or agreed with the plate, since the start */
     float sample_rate_hz;
 } an_application;
 
@@ -63,6 +65,7 @@ typedef struct an_build {
     void (*begin_identify)(an_application *app);
     void (*identify)(an_application *app); /* next step of the measurement */
     void (*follow)(an_application *app);   /* supervise the closed loop */
+    bool (*fades)(an_application *app); /* fade the drives out; true until they have (NULL: they rest at once) */
     bool (*restart)(an_application *app); /* start again as last requested; false unless idle */
     void (*set_reference)(an_application *app, float reference);
     uint8_t *(*put_status)(const an_application *app, uint8_t *at);
@@ -88,7 +91,7 @@ bool an_application_identify(an_application *app, const an_build *build);
  * true. */
 bool an_application_is_measured(an_application *app, const an_build *build);
 
-/* Request a return to rest. */
+/* Request a return to rest; the drives fade out first. */
 void an_application_stop(an_application *app);
 
 /* Latch a fault found by the main loop and set the outputs to rest at once. */

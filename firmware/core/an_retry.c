@@ -1,6 +1,6 @@
 #include "an_retry.h"
 
-#define AN_RETRY_WAIT_S 1.0f  /* before the first retry; twice as long before each further one */
+#define AN_RETRY_WAIT_S 1.0f  /* before the first retry; twice as long before each further one up to the fourth */
 #define AN_RETRY_GOOD_S 2.0f  /* after as long a run the count of retries starts again */
 #define AN_RETRY_SWEEP_S 20.0f /* a sweep that took longer is not repeated */
 
@@ -26,7 +26,7 @@ static void note_drive(an_retry *retry, const an_supervisor *supervisor, float l
 static bool may_retry(const an_retry *retry, const an_supervisor *supervisor, float lasted_s)
 {
     const bool quick = (supervisor->faults & AN_FAULT_IDENTIFY) == 0u || lasted_s < AN_RETRY_SWEEP_S;
-    return retry->drove && quick && retry->used < (uint32_t)AN_RETRY_MOST;
+    return retry->drove && quick && (!retry->measure_only || retry->used < (uint32_t)AN_RETRY_MOST);
 }
 
 static an_retry_order wait(an_retry *retry, const an_supervisor *supervisor, uint32_t window, float window_s)
@@ -37,7 +37,7 @@ static an_retry_order wait(an_retry *retry, const an_supervisor *supervisor, uin
     if (!retry->waits || (float)(window - retry->since) * window_s < wait_s) {
         return AN_RETRY_NOTHING;
     }
-    retry->used++;
+    retry->used += retry->used < (uint32_t)AN_RETRY_MOST ? 1u : 0u;
     retry->waits = false;
     retry->due = true;
     return AN_RETRY_CLEAR;

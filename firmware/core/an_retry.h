@@ -1,7 +1,8 @@
 /* Retries after a hand. A plate under a heavy hand moves as little as one whose sensor is lost, and a hand during the
  * sweep hides the resonance. The faults AN_FAULT_MISMATCH and AN_FAULT_IDENTIFY are therefore cleared, and the last job
- * is started again from rest, after 1, 2 and 4 s. If the plate then runs for AN_RETRY_GOOD_S, the count starts again;
- * after AN_RETRY_MOST retries the fault stays. In the meantime the outputs are at rest.
+ * is started again from rest, after 1, 2, 4 s and then every 8 s, until it is stopped: a hand may stay. If the
+ * plate then runs for AN_RETRY_GOOD_S, the waits start again. A measurement that was asked for alone is repeated at most
+ * AN_RETRY_MOST times. In the meantime the outputs are at rest.
  */
 #ifndef AN_RETRY_H
 #define AN_RETRY_H
@@ -16,7 +17,7 @@ typedef enum { AN_RETRY_NOTHING, AN_RETRY_CLEAR, AN_RETRY_START } an_retry_order
 typedef struct {
     an_state state;    /* at the last decision */
     uint32_t since;    /* window in which this state began */
-    uint32_t used;     /* retries so far */
+    uint32_t used;     /* retries so far, at most AN_RETRY_MOST */
     bool drove;        /* the outputs were driven just before */
     bool waits;        /* in the fault state: a retry will follow */
     bool due;          /* cleared, to be started */

@@ -42,6 +42,7 @@ def boards(make_image, core):
         kind, table, world = (EmulatedSingle, SINGLE, PLATE) if variant == "single" else (EmulatedSix, SIX, Beam())
         board = kind(make_image(table, variant).elf, world)
         board.run(1e-3)
+        board.app.base.confirmed = True
         return board, Client(EmulatedPort(board))
 
     return make

@@ -72,6 +72,7 @@ def test_the_amplifier_is_enabled_while_the_board_drives_alone(make_single) -> N
     """Not at rest, not after a stop, and within a window of a fault; the pin is an output from the start."""
     board = make_single()
     board.run(2e-3)
+    board.app.base.confirmed = True
     assert not board.enabled and board.word(0x40020400).value & 3 == 1
     assert board.start(0.1)
     board.run(5e-3)
@@ -270,6 +271,7 @@ def test_host_and_cortex_m4_agree_bit_for_bit(make_single, core, detuning_hz: fl
     board.codes, hosted.codes = [], []
     board.run(2e-3)
     hosted.run(2e-3)
+    board.app.base.confirmed = True
     assert board.start(0.3, detuning_hz)
     assert hosted.start(0.3, detuning_hz)
     for reference in (0.3, 0.05, 0.7):

@@ -136,6 +136,7 @@ def ends_at_rest(board: Any, is_at_rest: Any, bit: int) -> None:
     drives = board.state in (RUN, IDENTIFY)
     assert drives or (board.state == FAULT and board.faults), bit
     board.stop()
+    board.app.base.fade_s = min(board.app.base.fade_s, 1e-3)
     board.run(5e-3)
     assert is_at_rest(), bit
     assert board.state == (IDLE if drives else FAULT), (bit, hex(board.faults))

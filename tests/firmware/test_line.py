@@ -33,6 +33,7 @@ def talk(make_image, core):
     def make(table: bytes = KNOWN, plate: Plate = PLATE, **options):
         board = EmulatedSingle(make_image(table).elf, plate, **options)
         board.run(1e-3)
+        board.app.base.confirmed = True
         return board, Client(EmulatedPort(board))
 
     return make

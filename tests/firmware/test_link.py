@@ -28,6 +28,7 @@ class Linked:
         self.duties = self.ffi.new("uint16_t []", 6)
         self.single = name == "single"
         getattr(self.lib, f"an_{name}_boot")(self.app, self.table, len(table), rate_hz, 0)
+        self.app.base.confirmed = True
         self.capture = self.ffi.new("an_capture *")
         self.lib.an_capture_init(self.capture, 1 if self.single else 6)
         self.base, self.build = self.ffi.addressof(self.app, "base"), self.ffi.addressof(self.lib, f"an_{name}_build")
@@ -255,6 +256,7 @@ def test_shapes_and_patterns_are_chosen_where_they_may_be(core) -> None:
         linked.window()
         linked.window()
     assert answer(linked, Kind.REFERENCE, struct.pack("<f", 0.1)) == b"\3"
+    linked.app.base.confirmed = True
     assert answer(linked, Kind.START, struct.pack("<If", 0, 0.0)) == b"\0"
     linked.window()
     assert linked.app.base.supervisor.state == 2 and linked.app.slow.reference == pytest.approx(

@@ -121,7 +121,7 @@ def test_signs_of_computed_gains_reach_the_plate() -> None:
 
 def test_a_plate_the_table_does_not_fit_is_an_error_that_names_the_fault(emulation) -> None:
     wrong = plate_from_table(TABLE, Assumed(scale=1.1))
-    with pytest.raises(EmulationError, match="mismatch"):
+    with pytest.raises(EmulationError, match="identify"):
         board_run(TABLE, wrong, share=0.5, seconds=40e-3)
 
 

@@ -83,7 +83,15 @@ class Hosted(Orders):
 class HostedSingle(Hosted):
     """an_single and a plate in lock step: run(ticks) advances both; reports holds (measured, drive, reference) per window."""
 
-    def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0, flags: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self,
+        table: bytes,
+        plate: Plate,
+        seed: int = 1,
+        faults: int = 0,
+        flags: tuple[str, ...] = (),
+        confirmed: bool = True,
+    ) -> None:
         super().__init__("an_single", "an_single_build", plate.sample_rate_hz, flags)
         self.table = self.ffi.from_buffer("uint8_t[]", table)
         self.fast = self.ffi.addressof(self.app, "fast")
@@ -94,6 +102,7 @@ class HostedSingle(Hosted):
         self.codes: list[int] | None = None
         self.reports: list[tuple[complex, complex, float]] = []
         self.lib.an_single_boot(self.app, self.table, len(table), plate.sample_rate_hz, faults)
+        self.app.base.confirmed = confirmed
 
     def tick(self) -> None:
         """One sample period: the converters act together, then the interrupts, then the main loop, woken by any of them."""
@@ -134,7 +143,9 @@ def _complex(value: Any) -> complex:
 class HostedSix(SixView, Hosted):
     """an_six and a beam in lock step: run(seconds) advances both."""
 
-    def __init__(self, table: bytes, beam: Beam | Structure, seed: int = 1, faults: int = 0) -> None:
+    def __init__(
+        self, table: bytes, beam: Beam | Structure, seed: int = 1, faults: int = 0, confirmed: bool = True
+    ) -> None:
         super().__init__("an_six", "an_six_build", beam.sample_rate_hz)
         self.table = self.ffi.from_buffer("uint8_t[]", table)
         self.fast = self.ffi.addressof(self.app, "fast")
@@ -144,6 +155,7 @@ class HostedSix(SixView, Hosted):
         self.duties = self.ffi.new("uint16_t []", [self.middle] * CHANNELS)
         self.history: list[list[int]] | None = None
         self.lib.an_six_boot(self.app, self.table, len(table), beam.sample_rate_hz, faults)
+        self.app.base.confirmed = confirmed
 
     def tick(self) -> None:
         """One sample period: sensors and drives together, then the interrupts, then the main loop, woken by any of them."""
@@ -162,8 +174,8 @@ class HostedSix(SixView, Hosted):
 class Rig(Orders, SingleRig):
     """Rig with commands, a finger, and saved states."""
 
-    def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0) -> None:
-        super().__init__(table, plate, seed, faults)
+    def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0, confirmed: bool = True) -> None:
+        super().__init__(table, plate, seed, faults, confirmed)
         self.build = self.ffi.addressof(self.lib, "an_single_build")
 
     def touch(self, quality_factor_share: float, shift_hz: float, first: Plate) -> None:

@@ -34,9 +34,13 @@
 #define AN_REPEAT_LEVEL 0.25f /* of the level before */
 #define AN_REPEAT_MIN 0.01f   /* of full scale: smallest peak of a repeated sweep */
 #define AN_SURVEY_NOISE 6.0f  /* times the variance: the largest of 255 responses to noise alone */
+#define AN_CHECK_SETTLE 6.0f
+#define AN_CHECK_RESPONSE 0.02f  /* of full scale: intended response to a check */
+#define AN_CHECK_LIMIT 0.25f     /* of the amplitude limit: largest intended response */
+#define AN_CHECK_RATIO2 16.0f    /* squared: largest ratio of response and expected response, either way */
 #define AN_TWO_PI 6.2831853f
 
-enum { COARSE_AVERAGE = 4, FINE_AVERAGE = 8, SURVEY_AVERAGE = 4, SURVEY_POINTS_MAX = 255, ROUNDS_MAX = 5 };
+enum { COARSE_AVERAGE = 4, FINE_AVERAGE = 8, SURVEY_AVERAGE = 4, CHECK_AVERAGE = 8, SURVEY_POINTS_MAX = 255, ROUNDS_MAX = 5 };
 enum { FIRST_BIN = 2 * (127 - 24) }; /* exponent and leading mantissa bit of the float 2^-24 */
 
 /* Full width of the resonance curve |U| at -3 dB, in Hz. */
@@ -102,6 +106,22 @@ void an_ident_init(an_ident *ident, const an_mode *guess, bool senses_displaceme
     begin_coarse(ident, AN_START_LEVEL < most ? AN_START_LEVEL : most);
 }
 
+void an_ident_check(an_ident *ident, const an_mode *known, uint32_t centre, float sample_rate_hz)
+{
+    const float most = AN_COARSE_MAX * known->drive_limit;
+    const float bound = AN_CHECK_LIMIT * known->amplitude_limit;
+    const float aimed = (AN_CHECK_RESPONSE < bound ? AN_CHECK_RESPONSE : bound) / an_abs(known->gain);
+    ident->mode = *known;
+    ident->sample_rate_hz = sample_rate_hz;
+    ident->centre = centre;
+    ident->elapsed_s = 0.0f;
+    ident->level = aimed < most ? aimed : most;
+    ident->points = 3u; /* of which only the middle one is measured */
+    ident->index = 1u;
+    ident->span_hz = 0.0f;
+    ident->stage = AN_IDENT_CHECK;
+}
+
 /* Offset of a point from the centre: 0, 1, -1, 2, -2 ... spacings in the coarse sweep, end to end in the other
  * sweeps. */
 static float offset_hz(const an_ident *ident, uint32_t index)
@@ -120,9 +140,10 @@ static uint32_t step_of(const an_ident *ident, uint32_t index)
 
 void an_ident_probe(const an_ident *ident, an_probe *probe)
 {
-    static const float settle[] = {AN_COARSE_SETTLE, AN_FINE_SETTLE, AN_FINE_SETTLE, AN_SURVEY_SETTLE};
-    static const uint8_t average[] = {COARSE_AVERAGE, FINE_AVERAGE, FINE_AVERAGE, SURVEY_AVERAGE};
-    const uint32_t stage = ident->stage <= AN_IDENT_SURVEY ? (uint32_t)ident->stage : (uint32_t)AN_IDENT_SURVEY;
+    static const float settle[] = {AN_COARSE_SETTLE, AN_FINE_SETTLE, AN_FINE_SETTLE, AN_SURVEY_SETTLE,
+                                   AN_CHECK_SETTLE};
+    static const uint8_t average[] = {COARSE_AVERAGE, FINE_AVERAGE, FINE_AVERAGE, SURVEY_AVERAGE, CHECK_AVERAGE};
+    const uint32_t stage = ident->stage <= AN_IDENT_CHECK ? (uint32_t)ident->stage : (uint32_t)AN_IDENT_CHECK;
     probe->step = ident->stage == AN_IDENT_RAISE ? ident->centre : step_of(ident, ident->index);
     probe->level = ident->level;
     probe->settle_s = settle[stage] * ident->mode.tau_s;
@@ -388,6 +409,17 @@ static void answer_survey(an_ident *ident, an_complex measured, float noise2)
     }
 }
 
+/* On resonance the response is G level; a shift by x half bandwidths divides it by 1 + j x. */
+static void answer_check(an_ident *ident, an_complex measured)
+{
+    const an_complex found = an_mul(measured, lead_of(ident, ident->index, ident->mode.delay_s));
+    const an_complex expected = an_scale(ident->mode.gain, ident->level);
+    const float found2 = an_abs2(found);
+    const float expected2 = an_abs2(expected);
+    const bool alike = AN_CHECK_RATIO2 * found2 > expected2 && found2 < AN_CHECK_RATIO2 * expected2;
+    ident->stage = alike && an_mul(found, an_conj(expected)).re > 0.0f ? AN_IDENT_AGREES : AN_IDENT_DIFFERS;
+}
+
 void an_ident_answer(an_ident *ident, an_complex measured, float noise2)
 {
     an_probe probe;
@@ -403,5 +435,7 @@ void an_ident_answer(an_ident *ident, an_complex measured, float noise2)
         answer_fine(ident, measured);
     } else if (ident->stage == AN_IDENT_SURVEY) {
         answer_survey(ident, measured, noise2);
+    } else if (ident->stage == AN_IDENT_CHECK) {
+        answer_check(ident, measured);
     }
 }

@@ -22,8 +22,11 @@ typedef enum {
     AN_IDENT_RAISE,
     AN_IDENT_FINE,
     AN_IDENT_SURVEY,
+    AN_IDENT_CHECK,
     AN_IDENT_DONE,
-    AN_IDENT_FAILED
+    AN_IDENT_FAILED,
+    AN_IDENT_AGREES, /* after a check */
+    AN_IDENT_DIFFERS
 } an_ident_stage;
 
 enum { AN_IDENT_BINS = 48, AN_IDENT_REPEATS = 2 };
@@ -67,7 +70,11 @@ typedef struct {
 /* Start from a guess; its gain is not used. */
 void an_ident_init(an_ident *ident, const an_mode *guess, bool senses_displacement, float sample_rate_hz);
 
-/* Return the next measurement; valid until the stage is AN_IDENT_DONE or AN_IDENT_FAILED. */
+/* Start a check of a known mode instead: one measurement at its resonance, at a low level. Another plate, or the same
+ * plate far from its known resonance, responds differently. */
+void an_ident_check(an_ident *ident, const an_mode *known, uint32_t centre, float sample_rate_hz);
+
+/* Return the next measurement; valid until the stage is AN_IDENT_DONE or beyond. */
 void an_ident_probe(const an_ident *ident, an_probe *probe);
 
 /* Process the result of a measurement: the mean phasor, and its variance due to noise. */

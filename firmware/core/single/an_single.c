@@ -208,6 +208,13 @@ static void begin_identify(an_application *base)
     app->probing = 0u;
 }
 
+/* The first drive with values from a table, or from before a reset, is a check. */
+static void begin_check(an_single *app)
+{
+    an_ident_check(&app->ident, &app->mode, app->centre, app->base.sample_rate_hz);
+    app->probing = 0u;
+}
+
 bool an_single_may_start(float reference, float detuning_hz)
 {
     return an_application_may_refer(reference) && __builtin_fabsf(detuning_hz) <= AN_DETUNING_MAX_HZ;
@@ -227,11 +234,15 @@ bool an_single_start(an_single *app, float reference, float detuning_hz)
     }
     app->target_reference = reference;
     app->detuning_hz = detuning_hz;
-    if (was_measured(app)) {
+    if (was_measured(app) && app->base.confirmed) {
         an_supervisor_begin(&app->base.supervisor, AN_STATE_RUN);
         begin_run(app);
+        return true;
+    }
+    an_supervisor_begin(&app->base.supervisor, AN_STATE_IDENTIFY);
+    if (was_measured(app)) {
+        begin_check(app);
     } else {
-        an_supervisor_begin(&app->base.supervisor, AN_STATE_IDENTIFY);
         begin_identify(&app->base);
     }
     return true;
@@ -270,10 +281,16 @@ static void identify(an_application *base)
         const float spread = share * app->slow.energy - an_abs2(mean);
         an_ident_answer(&app->ident, mean, spread > 0.0f ? spread * share / (1.0f - share) : 0.0f);
     }
+    if (app->ident.stage == AN_IDENT_DIFFERS) {
+        begin_identify(base);
+    }
     if (app->ident.stage == AN_IDENT_FAILED) {
         fail(app, AN_FAULT_IDENTIFY);
     } else if (app->ident.stage == AN_IDENT_DONE) {
         end_identify(app);
+    } else if (app->ident.stage == AN_IDENT_AGREES) {
+        base->confirmed = true;
+        begin_run(app);
     } else if (post_dwell(app)) {
         app->probing = 1u;
     } else {

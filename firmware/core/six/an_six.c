@@ -14,7 +14,11 @@
 #define AN_PROBE_STEP 4.0f
 #define AN_PROBE_LOW 0.05f   /* of the sensor's full scale: a smaller response is measured again at a higher level */
 #define AN_SETTLE 7.0f       /* time constants */
-#define AN_MISMATCH_TIME 8.0f     /* time constants */
+#define AN_RINGING 8.0f    /* time constants for which an undriven plate may ring beyond the sensors' range */
+#define AN_MISMATCH_TIME 8.0f /* time constants for which a sensor may differ from the model */
+#define AN_CHECK_LEVEL 0.1f /* of the drive limit, and of full scale: largest drive and response of a check */
+#define AN_CHECK_ERROR2 0.25f /* squared, of the expected response: largest error that agrees */
+#define AN_FADED2 1e-4f     /* squared, of the drive limit: small enough to open the gates */
 #define AN_SOFT 0.25f      /* time constants, for a pattern to fade in */
 #define AN_NO_REFERENCE 1e-6f /* of full scale: far below noise; 0 would select half of the reachable one */
 #define AN_PERIODS 2.0f /* least number of carrier periods in a window */
@@ -50,12 +54,13 @@ static an_six_job *new_job(an_six *app, uint32_t kind)
     return job;
 }
 
-static uint32_t patience_of(const an_six *app)
+static uint32_t windows_of(const an_six *app, float time_constants)
 {
-    return (uint32_t)(AN_MISMATCH_TIME * app->shape.tau_s / period_s(app)) + 10u;
+    return (uint32_t)(time_constants * app->shape.tau_s / period_s(app)) + 10u;
 }
 
-/* The drives stop at once, so that slow modes whose excitations cancelled may ring beyond the amplitude held before. */
+/* After a fault the drives stop at once, so that slow modes whose excitations cancelled may ring beyond the amplitude
+ * held before. */
 static bool post_rest(an_application *base, bool clear)
 {
     an_six *app = (an_six *)base;
@@ -66,7 +71,7 @@ static bool post_rest(an_application *base, bool clear)
     }
     job->clear = clear ? 1u : 0u;
     if (app->slow.jobs[app->slow.hand.active & 1u].kind != AN_JOB_REST) {
-        app->slow.ringing = patience_of(app);
+        app->slow.ringing = windows_of(app, AN_RINGING);
     }
     an_handover_post(&app->slow.hand);
     return true;
@@ -82,14 +87,29 @@ static float dwell_s(const an_six *app)
     return (float)(settle_of(app) + PROBE_AVERAGE) * period_s(app);
 }
 
+/* Drives of a check: with T exact, all sensors show app->probe_level. */
+static void read_check(const an_six *app, an_complex *drives)
+{
+    for (uint32_t i = 0u; i < app->channels; i++) {
+        for (uint32_t j = 0u; j < app->channels; j++) {
+            drives[i] = an_add(drives[i], an_scale(app->shaping.inverse[i * AN_SIX + j], app->probe_level));
+        }
+        drives[i] = an_mul(drives[i], an_turn(app->step));
+    }
+}
+
 static bool post_dwell(an_six *app)
 {
     an_six_job *job = new_job(app, AN_JOB_DWELL);
     if (job == NULL) {
         return false;
     }
-    AN_ASSERT(app->probe < app->channels && app->probe_level <= app->shape.drive_limit);
-    job->drive[app->probe] = an_scale(an_turn(app->step), app->probe_level);
+    if (app->checking) {
+        read_check(app, job->drive);
+    } else {
+        AN_ASSERT(app->probe < app->channels && app->probe_level <= app->shape.drive_limit);
+        job->drive[app->probe] = an_scale(an_turn(app->step), app->probe_level);
+    }
     job->settle = settle_of(app);
     job->average = PROBE_AVERAGE;
     app->probed_s += dwell_s(app);
@@ -102,11 +122,15 @@ static void fail(an_six *app, an_fault fault)
     an_application_fail(&app->base, &an_six_build, fault);
 }
 
+/* Targets are relative to the largest, which is 1. A pilot in quadrature changes the largest motion least. */
 static void read_targets(const an_six *app, an_complex *targets)
 {
-    for (uint32_t i = 0u; i < AN_SIX; i++) {
-        targets[i] = i < app->channels ? an_table_target(&app->table, app->base.slot, app->pattern, i)
-                                       : an_cplx(0.0f, 0.0f);
+    an_clear(targets, AN_SIX * sizeof *targets);
+    for (uint32_t i = 0u; i < app->channels; i++) {
+        targets[i] = an_table_target(&app->table, app->base.slot, app->pattern, i);
+        if (an_abs2(targets[i]) < AN_SIX_PILOT * AN_SIX_PILOT) {
+            targets[i] = an_cplx(0.0f, AN_SIX_PILOT);
+        }
     }
 }
 
@@ -135,7 +159,7 @@ static bool post_track(an_six *app)
     job->drive_limit *= app->eased ? AN_EASED : 1.0f;
     job->soft = x / (AN_SOFT + x);
     job->integral = AN_SIX_INTEGRAL * x / (1.0f + x);
-    job->patience = patience_of(app);
+    job->patience = (uint32_t)AN_SIX_DOUBT * windows_of(app, AN_MISMATCH_TIME);
     an_handover_post(&app->slow.hand);
     return true;
 }
@@ -165,7 +189,22 @@ static void begin_identify(an_application *base)
     an_six *app = (an_six *)base;
     app->probing = 0u;
     app->probed_s = 0.0f;
+    app->checking = false;
     begin_column(app, 0u);
+}
+
+/* The first drive with values from a table, or from before a reset, is a check. */
+static void begin_check(an_six *app)
+{
+    an_complex targets[AN_SIX];
+    an_clear(targets, sizeof targets);
+    for (uint32_t i = 0u; i < app->channels; i++) {
+        targets[i] = an_cplx(1.0f, 0.0f);
+    }
+    begin_identify(&app->base);
+    app->checking = true;
+    const float reached = app->shape.drive_limit / (an_shaping_effort(&app->shaping, targets) + 1e-6f);
+    app->probe_level = AN_CHECK_LEVEL * (reached < 1.0f ? reached : 1.0f);
 }
 
 static void read_matrix(an_six *app)
@@ -187,6 +226,7 @@ static void read_shape(an_six *app, uint32_t index)
     app->channels = app->table.sensor_count;
     app->step = an_dds_step(app->shape.frequency_hz, app->base.sample_rate_hz);
     app->identified = 0u;
+    app->base.confirmed = false;
     app->reachable = 0.0f;
     an_shaping_init(&app->shaping, app->channels);
     choose_window(app);
@@ -248,11 +288,15 @@ bool an_six_start(an_six *app, uint32_t pattern, float reference)
     app->pattern = pattern;
     app->target_reference = reference;
     app->half_reach = reference == 0.0f;
-    if (app->identified != 0u) {
+    if (app->identified != 0u && app->base.confirmed) {
         an_supervisor_begin(&app->base.supervisor, AN_STATE_RUN);
         begin_run(app);
+        return true;
+    }
+    an_supervisor_begin(&app->base.supervisor, AN_STATE_IDENTIFY);
+    if (app->identified != 0u) {
+        begin_check(app);
     } else {
-        an_supervisor_begin(&app->base.supervisor, AN_STATE_IDENTIFY);
         begin_identify(&app->base);
     }
     return true;
@@ -311,6 +355,29 @@ static void take_column(an_six *app)
     begin_column(app, app->probe + 1u);
 }
 
+static bool agrees(const an_six *app)
+{
+    for (uint32_t i = 0u; i < app->channels; i++) {
+        const an_complex shown = an_scale(app->slow.total[i], 1.0f / ((float)PROBE_AVERAGE * app->probe_level));
+        if (!(an_abs2(an_sub(shown, an_cplx(1.0f, 0.0f))) < AN_CHECK_ERROR2)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Drive with the known values if they agree with the plate; otherwise measure them again. */
+static void end_check(an_six *app)
+{
+    if (agrees(app)) {
+        app->base.confirmed = true;
+        app->checking = false;
+        begin_run(app);
+    } else {
+        begin_identify(&app->base);
+    }
+}
+
 static void identify(an_application *base)
 {
     an_six *app = (an_six *)base;
@@ -322,7 +389,14 @@ static void identify(an_application *base)
         if (!an_six_slow_finished(&app->slow)) {
             return;
         }
-        take_column(app);
+        if (app->checking) {
+            end_check(app);
+        } else {
+            take_column(app);
+        }
+    }
+    if (base->supervisor.state != AN_STATE_IDENTIFY) {
+        return;
     }
     if (app->probe == app->channels) {
         end_identify(app);
@@ -380,7 +454,7 @@ static uint32_t check_job(const an_six *app)
     const an_six_job *job = &app->slow.jobs[app->slow.hand.active & 1u];
     const bool acts = fast->faults != 0u || fast->tick < AN_SIX_GAP || (fast->step == job->step && fast->end == AN_SIX_GAP + job->window &&
                                                   fast->acting == fast->command.bank);
-    const bool counts = fast->faults != 0u || job->kind != AN_JOB_TRACK || app->slow.mismatched <= job->patience + 1u;
+    const bool counts = fast->faults != 0u || job->kind != AN_JOB_TRACK || app->slow.mismatched <= job->patience + (uint32_t)AN_SIX_DOUBTS_MAX;
     return acts && counts && an_handover_is_sound(&app->slow.hand) ? 0u : (uint32_t)AN_FAULT_MEMORY;
 }
 
@@ -463,6 +537,20 @@ static void trip(an_application *base, uint32_t faults)
     an_handover_trip(&((an_six *)base)->fast.faults, faults);
 }
 
+/* A stop fades the pattern out as softly as it faded in, so that no slow mode is set free. */
+static bool fades(an_application *base)
+{
+    an_six *app = (an_six *)base;
+    const float faded2 = AN_FADED2 * app->shape.drive_limit * app->shape.drive_limit;
+    app->slow.fading = 1u;
+    for (uint32_t i = 0u; i < app->channels; i++) {
+        if (an_abs2(app->slow.drive[i]) > faded2) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static bool restart(an_application *base)
 {
     an_six *app = (an_six *)base;
@@ -508,6 +596,7 @@ const an_build an_six_build = {
     .begin_identify = begin_identify,
     .identify = identify,
     .follow = follow,
+    .fades = fades,
     .restart = restart,
     .set_reference = set_reference,
     .put_status = an_six_put_status,

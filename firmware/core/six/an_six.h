@@ -26,7 +26,8 @@ typedef struct {
     float target_reference;
     bool half_reach; /* started without a reference */
     bool eased;      /* the active job is that of an eased drive */
-    float probe_level;
+    float probe_level; /* drive of one actuator, or in a check response of every sensor */
+    bool checking;
     uint32_t probe; /* actuator being measured */
     uint32_t probing; /* nonzero: a dwell has been posted */
     float probed_s; /* total duration of the dwells of this identification */

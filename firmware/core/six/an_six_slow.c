@@ -14,6 +14,13 @@
 #define AN_MISMATCH_SHARE2 0.25f  /* squared: half of the target, for a finger or an error of the matrix */
 #define AN_INTEGRAL_LARGEST2 0.1f /* squared, of the largest target: for an integral that corrects a wrong matrix */
 #define AN_LIMITED_LARGEST2 0.02f /* likewise, for an error that no integral corrects */
+#define AN_FADE 0.5f              /* of the rate at which a pattern fades in: rate at which it fades out */
+#define AN_UNSTEADY2 0.01f        /* squared, of the target: its way that makes it unsteady */
+#define AN_SHOWN 0.25f            /* of the target: less is nothing */
+#define AN_SHOWN_MIN2 2.5e-7f     /* squared: smallest target to judge, ten times the smoothed noise */
+#define AN_GROWTH 1.15f           /* error over smoothed error; of a reversed sensor 1.24 */
+#define AN_GROWN_FLOOR2 2.5e-5f   /* squared: smallest error to judge ... */
+#define AN_GROWN_LARGEST2 0.01f   /* ... plus this of the largest target */
 
 bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window)
 {
@@ -45,6 +52,7 @@ static void begin_track(an_six_slow *slow, an_job_kind kind_before)
     for (uint32_t i = 0u; i < AN_SIX && kind_before != AN_JOB_TRACK; i++) {
         slow->target[i] = an_cplx(0.0f, 0.0f);
         slow->integral[i] = an_cplx(0.0f, 0.0f);
+        slow->error[i] = an_cplx(0.0f, 0.0f);
     }
 }
 
@@ -52,6 +60,7 @@ static void take_job(an_six_slow *slow, an_six_fast *fast)
 {
     begin_track(slow, slow->jobs[slow->hand.active & 1u].kind);
     slow->hand.active = slow->hand.posted;
+    slow->fading = 0u;
     if (slow->jobs[slow->hand.active & 1u].clear != 0u) {
         slow->hand.trips = 0u;
         fast->faults = 0u;
@@ -108,7 +117,7 @@ static void dwell(an_six_slow *slow, const an_six_job *job)
     slow->finished |= slow->waited >= job->settle + job->average;
 }
 
-static float largest2(const an_complex *values, uint32_t count)
+static float largest2_of(const an_complex *values, uint32_t count)
 {
     float largest = 0.0f;
     for (uint32_t i = 0u; i < count; i++) {
@@ -123,7 +132,7 @@ static float largest2(const an_complex *values, uint32_t count)
 static bool sensors_differ(const an_six_slow *slow, const an_six_job *job)
 {
     const float share2 = slow->limited != 0u ? AN_LIMITED_LARGEST2 : AN_INTEGRAL_LARGEST2;
-    const float common2 = AN_MISMATCH_FLOOR2 + share2 * largest2(slow->target, job->channels);
+    const float common2 = AN_MISMATCH_FLOOR2 + share2 * largest2_of(slow->target, job->channels);
     for (uint32_t i = 0u; i < job->channels; i++) {
         const float allowed2 = common2 + AN_MISMATCH_SHARE2 * an_abs2(slow->target[i]);
         const an_complex grown = slow->limited != 0u ? an_cplx(0.0f, 0.0f) : slow->integral[i];
@@ -135,13 +144,50 @@ static bool sensors_differ(const an_six_slow *slow, const an_six_job *job)
     return false;
 }
 
-/* Count up and down, so that an intermittent mismatch is found as well. */
-static void check_model(an_six_slow *slow, const an_six_job *job)
+static float along(an_complex z, an_complex direction)
 {
-    if (sensors_differ(slow, job)) {
-        slow->mismatched++;
-    } else if (slow->mismatched > 0u) {
-        slow->mismatched--;
+    return z.re * direction.re + z.im * direction.im;
+}
+
+/* Doubt about one sensor at a steady target, while the drive is not limited. A finger, or a knock, makes errors that
+ * decay or turn; those of a reversed sensor grow in one direction. */
+static uint32_t doubt_of(an_complex target, an_complex error, an_complex smoothed, float largest2)
+{
+    const float smoothed2 = an_abs2(smoothed);
+    if (smoothed2 > AN_GROWN_FLOOR2 + AN_GROWN_LARGEST2 * largest2 && along(error, smoothed) > AN_GROWTH * smoothed2) {
+        return AN_SIX_DOUBTS_MAX;
+    }
+    const float target2 = an_abs2(target);
+    return target2 > AN_SHOWN_MIN2 && along(smoothed, target) > (1.0f - AN_SHOWN) * target2 ? 1u : 0u;
+}
+
+/* Largest doubt about any sensor; reference: of this window. */
+static uint32_t largest_doubt(const an_six_slow *slow, const an_six_job *job, float reference)
+{
+    uint32_t largest = sensors_differ(slow, job) ? (uint32_t)AN_SIX_DOUBT : 0u;
+    const float largest2 = largest2_of(slow->target, job->channels);
+    for (uint32_t i = 0u; i < job->channels && slow->limited == 0u; i++) {
+        const an_complex target = slow->target[i];
+        const float way2 = an_abs2(an_sub(an_scale(job->target[i], reference), target));
+        const an_complex error = an_sub(target, slow->measured[i]);
+        const uint32_t doubt = doubt_of(target, error, slow->error[i], largest2);
+        if (way2 <= AN_UNSTEADY2 * an_abs2(target) && doubt > largest) {
+            largest = doubt;
+        }
+    }
+    return largest;
+}
+
+/* Count up and down, so that an intermittent mismatch is found as well. */
+static void check_model(an_six_slow *slow, const an_six_job *job, float reference)
+{
+    const uint32_t doubt = largest_doubt(slow, job, reference);
+    if (doubt > 0u) {
+        slow->mismatched += doubt;
+    } else if (slow->mismatched >= (uint32_t)AN_SIX_DOUBT) {
+        slow->mismatched -= (uint32_t)AN_SIX_DOUBT;
+    } else {
+        slow->mismatched = 0u;
     }
     if (slow->mismatched > job->patience) {
         slow->hand.trips |= AN_FAULT_MISMATCH;
@@ -151,7 +197,7 @@ static void check_model(an_six_slow *slow, const an_six_job *job)
 /* Scale all drives by the same factor, so that the pattern keeps its shape. */
 static void limit(an_six_slow *slow, const an_six_job *job)
 {
-    const float size2 = largest2(slow->drive, job->channels);
+    const float size2 = largest2_of(slow->drive, job->channels);
     slow->limited = size2 > job->drive_limit * job->drive_limit;
     if (slow->limited != 0u) {
         const float factor = job->drive_limit / __builtin_sqrtf(size2);
@@ -183,15 +229,19 @@ static void invert(an_six_slow *slow, const an_six_job *job)
 static void track(an_six_slow *slow, const an_six_job *job)
 {
     AN_ASSERT(slow->reference >= 0.0f && slow->reference <= 1.0f);
-    const float reference = slow->reference * slow->envelope;
-    check_model(slow, job);
+    const float reference = slow->fading == 0u ? slow->reference * slow->envelope : 0.0f;
+    check_model(slow, job, reference);
     for (uint32_t i = 0u; i < job->channels; i++) {
         const an_complex error = an_sub(slow->target[i], slow->measured[i]);
+        slow->error[i] = interpolate(slow->error[i], error, job->integral * (1.0f / AN_SIX_INTEGRAL));
         const an_complex goal = an_scale(job->target[i], reference);
         if (slow->limited == 0u) {
             slow->integral[i] = an_add(slow->integral[i], an_scale(error, job->integral));
         }
-        slow->target[i] = interpolate(slow->target[i], goal, job->soft);
+        slow->target[i] = interpolate(slow->target[i], goal, slow->fading == 0u ? job->soft : AN_FADE * job->soft);
+        if (slow->fading != 0u) {
+            slow->integral[i] = an_scale(slow->integral[i], 1.0f - AN_FADE * job->soft);
+        }
     }
     invert(slow, job);
     limit(slow, job);

@@ -8,6 +8,10 @@
  * There is no proportional feedback. Off resonance, the envelope responds far more strongly at the difference
  * frequencies between modes and drive than in steady state. A purely integral gain of AN_SIX_INTEGRAL per time constant
  * is stable for any such differences.
+ *
+ * A sensor is lost if, for longer than a disturbance lasts, it differs from the model W + I, shows less than a quarter
+ * of its steady target, or has an error that keeps growing. Every target is therefore at least AN_SIX_PILOT of the
+ * largest: a sensor that is to show nothing would otherwise show the same whether it works or not.
  */
 #ifndef AN_SIX_SLOW_H
 #define AN_SIX_SLOW_H
@@ -18,6 +22,7 @@
 #include "an_types.h"
 
 #define AN_SIX_INTEGRAL 0.3f
+#define AN_SIX_PILOT 0.03f
 
 typedef struct {
     an_job_kind kind;
@@ -34,7 +39,7 @@ typedef struct {
     float soft;                          /* track: fraction of its remaining way that W covers per period */
     float integral;                      /* track: fraction of the error added per period */
     float drive_limit;
-    uint32_t patience; /* track: windows for which a sensor may differ from the model */
+    uint32_t patience; /* track: doubts that make a sensor lost, AN_SIX_DOUBT per window that differs from the model */
 } an_six_job;
 
 typedef struct {
@@ -51,9 +56,13 @@ typedef struct {
     uint32_t waited;
     uint32_t finished;
     uint32_t limited; /* nonzero: the last command was scaled down to the limit */
-    uint32_t mismatched; /* counter of windows with a mismatch, up and down */
+    an_complex error[AN_SIX]; /* smoothed over a time constant */
+    uint32_t mismatched; /* doubts, up and down */
+    uint32_t fading; /* nonzero: the targets fade out, whatever the reference */
     uint32_t ringing; /* windows for which an undriven plate may still ring beyond the sensors' range */
 } an_six_slow;
+
+enum { AN_SIX_DOUBT = 4, AN_SIX_DOUBTS_MAX = 2 * AN_SIX_DOUBT };
 
 /* Start at rest with a phase step and window. Returns false if the step cannot be demodulated in such a window. */
 bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window);
