@@ -76,6 +76,22 @@ class Support:
         return (self.kind, self.edge, *place, self.stiffness_n_m, self.bedding_n_m2, self.damping_n_s_m, self.mass_kg)
 
 
+def has_dampers(supports: Iterable[Support]) -> bool:
+    """Whether supports take energy from the plate.
+
+    Parameters
+    ----------
+    supports : iterable of Support
+        Those of a plate.
+
+    Returns
+    -------
+    bool
+        True with a damping above 0.
+    """
+    return any(each.damping_n_s_m > 0.0 for each in supports)
+
+
 def are_mirrored(supports: Iterable[Support]) -> bool:
     """Whether supports are their own mirror images in x = 0 and in y = 0.
 

@@ -37,7 +37,7 @@ from pipeline.case.reading import (
     read_values,
 )
 from pipeline.case.reading import CaseValues as Values
-from pipeline.case.schema import BandsTable, SolveTable, Table, Tables, ToleranceTable
+from pipeline.case.schema import BandsTable, FingertipTable, SolveTable, Table, Tables, ToleranceTable
 from pipeline.case.supports import check_places, read_supports
 from pipeline.errors import InputError
 from pipeline.quantity import GRAM, MM, UM
@@ -490,7 +490,7 @@ def _fingertip(values: CaseValues) -> Fingertip:
             known = f"must be one of {', '.join(FINGERTIPS)} or a table{nearest(given, FINGERTIPS)}"
             values.diagnostics.add("touch.impedance", given, known)
         return FINGERTIPS.get(given, Fingertip("unknown"))
-    stiffness, damping, mass = (float(given.get(name, 0.0)) for name in ("stiffness_N_m", "damping_N_s_m", "mass_g"))
+    stiffness, damping, mass = (float(given.get(name, 0.0)) for name in FingertipTable.model_fields)
     return Fingertip("given", stiffness, damping, GRAM * mass)
 
 

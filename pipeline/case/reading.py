@@ -110,8 +110,8 @@ class Diagnostics:
         self.unlisted = 0
 
     def origin(self, key: str) -> str:
-        """Return the name of the file, or --set if the key or part of it was set on the command line."""
-        from_command = any(key == name or name.startswith(key + ".") for name in self.overridden)
+        """Return the name of the file, or --set if the key, a part of it or what holds it was set on the command line."""
+        from_command = any(f"{name}.".startswith(f"{key}.") or key.startswith(f"{name}.") for name in self.overridden)
         return "--set" if from_command else self.file
 
     def add(self, key: str, value: Any, text: str) -> None:
@@ -240,11 +240,15 @@ def check_table(
     Every fault is added to `diagnostics`.
     """
     bad: dict[str, str] = {}
+    inner: dict[str, list[str]] = {}  # unknown keys of a table in this one
     try:
         model.model_validate(raw)
     except ValidationError as error:
         for detail in error.errors(include_url=False):
-            bad.setdefault(str(detail["loc"][0]), detail["type"])
+            name, *within = map(str, detail["loc"])
+            bad.setdefault(name, detail["type"])
+            if detail["type"] == "extra_forbidden" and within:
+                inner.setdefault(name, []).append(within[-1])
     fields = model.model_fields
     for name, kind in bad.items():
         key, value = prefix + name, raw.get(name)
@@ -253,6 +257,9 @@ def check_table(
             diagnostics.unknown(key, value, known)
         elif kind == "missing":
             diagnostics.missing(key, f"must be {allowed}")
+        elif name in inner:
+            for each in inner[name]:
+                diagnostics.unknown(f"{key}.{each}", raw[name].get(each), known)
         else:
             named = kind == "literal_error" and isinstance(value, str)
             hint = nearest(str(value), allowed.replace(" or ", ", ").split(", ")) if named else _as_number(key, value)

@@ -22,7 +22,7 @@ ABOVE_0 = "a finite number above 0"
 NOT_NEGATIVE = "a finite number of 0 or more"
 
 FINGERTIP_ALLOWED = (
-    f"the name of a fingertip ({', '.join(FINGERTIPS)}) or a table with stiffness_N_m, damping_N_s_m and mass_g, "
+    f"the name of a fingertip ({', '.join(FINGERTIPS)}) or a table with stiffness_N_per_m, damping_Ns_per_m and mass_g, "
     f"{span(limits.IMPEDANCE)}"
 )
 
@@ -314,8 +314,8 @@ def not_negative(within: Range) -> Any:
 
 
 class FingertipTable(Table):
-    stiffness_N_m: float = not_negative(limits.IMPEDANCE)
-    damping_N_s_m: float = not_negative(limits.IMPEDANCE)
+    stiffness_N_per_m: float = not_negative(limits.IMPEDANCE)
+    damping_Ns_per_m: float = not_negative(limits.IMPEDANCE)
     mass_g: float = not_negative(limits.IMPEDANCE)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
+from geometry.supports import has_dampers
 from pipeline.case.limits import short_wave
 from pipeline.case.model import Case
 from pipeline.errors import InputError
@@ -369,7 +370,7 @@ def with_quality(case: Case, part_modes: PartModes) -> PartModes:
         The same modes; with quality factors if the case takes them from the materials or has air.
     """
     air = case.air if part_modes.part != "pillar" else None
-    dampers = part_modes.part == "plate" and any(each.damping_n_s_m for each in case.design.supports)
+    dampers = part_modes.part == "plate" and has_dampers(case.design.supports)
     if not case.is_lossy and air is None and not dampers:
         return part_modes
     known = {(row.symmetry, row.column): row for row in (*part_modes.all_rows(True), *_beyond(part_modes))}

@@ -334,7 +334,7 @@ def by_mesh(
         shares = shares_of(error)
         rim += shares.rim * by_layer
         order += by_order - error.edge * by_layer
-        if getattr(placed_cell, "clamped", False):
+        if placed_cell.clamped:
             clamps += at_clamp(error.order) * np.abs(by_order - error.edge * by_layer)
         if shares.doubt:
             beyond += shares.doubt * error.taken * (by_layer - by_order / error.edge)

@@ -18,6 +18,7 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
+from geometry.supports import has_dampers
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
@@ -339,9 +340,7 @@ class ForcedPlate:
 
     def loss_at(self, frequency_hz: float) -> float:
         """1/Q of the mode nearest to a frequency."""
-        if self.quality_factor is not None and np.allclose(
-            self.losses, 1.0 / self.quality_factor, rtol=1e-12, atol=0.0
-        ):
+        if self.quality_factor is not None and not has_dampers(self.design.supports):
             return 1.0 / self.quality_factor
         tones = self.resonances_hz
         return float(self.losses[np.abs(tones - frequency_hz).argmin()]) if len(tones) else LOSS

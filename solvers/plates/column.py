@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf, isnan, log, pi
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.linalg import eigh
@@ -237,6 +237,7 @@ class _PlacedCell:
     dofs: IntArray
     index: int = 0
     copies: int = 1
+    clamped: ClassVar[bool] = False  # a column has free edges
 
     @property
     def cell(self) -> Cell:

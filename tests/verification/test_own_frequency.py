@@ -224,7 +224,7 @@ STEEP = {"young_GPa_at": [[1e3, 0.8, 0.01], [1e5, 4.0, 0.05]], "poisson": 0.38, 
 def driven(pillar: dict[str, Any]) -> Case:
     """A patched plate of metal with a finger on it."""
     raw = tomllib.loads(SMALL.read_text("utf-8"))
-    finger = {"stiffness_N_m": 2e4, "damping_N_s_m": 0.3, "mass_g": 0.01}
+    finger = {"stiffness_N_per_m": 2e4, "damping_Ns_per_m": 0.3, "mass_g": 0.01}
     raw |= {
         "material": METAL,
         "pillar": raw["pillar"] | {"material": pillar},

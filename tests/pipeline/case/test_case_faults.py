@@ -27,6 +27,11 @@ def lines_of(overrides: list[str], raw: dict | None = None) -> list[str]:
 @pytest.mark.parametrize(
     ("override", "expected"),
     [
+        ('support=[{kind="clamp", edge="up"}]', '--set: support.0.edge = "up": must be x-, x+, y- or y+'),
+        (
+            'support=[{kind="mass", at_mm=[99, 0], radius_mm=1, mass_g=1}]',
+            "--set: support.0.at_mm = [99, 0]: the disc must lie on the plate",
+        ),
         ("array.pitch_mm=2", "--set: array.pitch_mm = 2: pillars overlap: must exceed the pillar's footprint 2 mm"),
         ("pillar.side_mm=4", "array.pitch_mm = 4: pillars overlap"),
         ("pillar.fillet_mm=1", "array.pitch_mm = 4: pillars overlap"),

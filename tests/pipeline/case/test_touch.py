@@ -23,7 +23,7 @@ def test_left_out_nothing_of_it_is_known() -> None:
 
 
 def test_it_is_turned_to_si() -> None:
-    impedance = {"stiffness_N_m": 1e3, "damping_N_s_m": 2, "mass_g": 0.5}
+    impedance = {"stiffness_N_per_m": 1e3, "damping_Ns_per_m": 2, "mass_g": 0.5}
     touch = case_of(at_mm=[3, -2.0], impedance=impedance, force_N=0.4, gap_um=[1.0, 4.0], limit_V=30.0).touch
     assert touch and (touch.at_m, touch.radius_m) == ((3e-3, -2e-3), 2e-3)
     assert (touch.tip.stiffness_n_m, touch.tip.damping_n_s_m, touch.tip.mass_kg) == (1e3, 2.0, 5e-4)
@@ -51,8 +51,18 @@ def test_of_two_antinodes_as_near_it_takes_the_one_at_positive_x() -> None:
         ({"at_mm": [9.0, 0.0]}, "touch.at_mm = [9, 0]: the contact extends beyond the plate of 20 x"),
         ({"radius_mm": 15.0}, "touch.radius_mm = 15: the contact extends beyond the plate"),
         ({"impedance": "fingr"}, "must be one of finger, light, tissue or a table (did you mean finger?)"),
-        ({"impedance": {"damping_N_s_m": -1.0}}, "must be the name of a fingertip (finger, light, tissue) or a table"),
-        ({"impedance": {"damping": 1.0}}, "must be the name of a fingertip"),
+        (
+            {"impedance": {"damping_Ns_per_m": -1.0}},
+            "must be the name of a fingertip (finger, light, tissue) or a table",
+        ),
+        (
+            {"impedance": {"damping_N_s_m": 40.0}},
+            "impedance.damping_N_s_m = 40: unknown key (did you mean touch.impedance.damping_Ns_per_m?)",
+        ),
+        (
+            {"impedance": {"stiffness_N_m": 1e3}},
+            "impedance.stiffness_N_m = 1000: unknown key (did you mean touch.impedance.stiffness_N_per_m?)",
+        ),
         ({"force_N": 0.5}, "touch.force_N = 0.5: requires touch.gap_um"),
         ({"gap_um": [2.0, 10.0]}, "touch.gap_um = [2, 10]: requires touch.force_N"),
         ({"gap_um": [10.0, 2.0], "force_N": 0.5}, "must be [low, high] with low <= high"),

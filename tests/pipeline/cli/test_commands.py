@@ -72,7 +72,7 @@ def test_wrong_input_is_one_clear_line_and_exit_code_2(
     [
         ((), "[touch]: missing, touch needs it"),
         (("touch.radius_mm=5.0", "touch.at_mm=[57.0, 0.0]"), "the contact extends beyond the plate"),
-        (("touch.radius_mm=5.0", "touch.impedance={damping_N_s_m=-1.0}"), "must be the name of a fingertip"),
+        (("touch.radius_mm=5.0", "touch.impedance={damping_Ns_per_m=-1.0}"), "must be the name of a fingertip"),
     ],
 )
 def test_a_finger_that_cannot_be_is_one_line(

@@ -20,8 +20,8 @@ from tests.helpers.asked import crosstalk_of, touch_of
 from tests.helpers.scenes import STEEL_PILLARS, three_patches
 
 QUIET = TerminalLog(quiet=True)
-POWER = {"stiffness_N_m": 1, "damping_N_s_m": 2, "mass_g": 3}  # of the scale, with E and rho kept
-FINGER = {"radius_mm": 2.0, "at_mm": [-3.0, 1.0], "impedance": {"damping_N_s_m": 40.0, "mass_g": 0.05}}
+POWER = {"stiffness_N_per_m": 1, "damping_Ns_per_m": 2, "mass_g": 3}  # of the scale, with E and rho kept
+FINGER = {"radius_mm": 2.0, "at_mm": [-3.0, 1.0], "impedance": {"damping_Ns_per_m": 40.0, "mass_g": 0.05}}
 TWO_ZONES = {
     **STEEL_PILLARS,
     "zone": [STEEL_PILLARS["zone"], {"shared_rows": 1}],

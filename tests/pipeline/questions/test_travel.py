@@ -239,14 +239,14 @@ def test_soft_and_hard_fingers_bound_the_net_shear(
     record, wave = solved
     assert free.shear_low is not None and free.shear_high is not None
     assert all(each in (None, 0.0) for row in (*free.shear_low, *free.shear_high) for each in row)
-    soft = fingered(record, wave, impedance={"stiffness_N_m": 1e3, "damping_N_s_m": 0.01})
+    soft = fingered(record, wave, impedance={"stiffness_N_per_m": 1e3, "damping_Ns_per_m": 0.01})
     low, high = (np.array(each, dtype=float) for each in (soft.shear_low, soft.shear_high))
     known = np.isfinite(low) & np.isfinite(high)
     assert known.any() and (np.abs(low) <= np.abs(high) + 1e-12)[known].all() and np.nanmax(np.abs(high)) <= 1.0
     assert (np.sign(high[known]) == np.sign(np.array(soft.crest_m_s)[known])).all()
     # whatever the points of its contact are, a rigid finger holds them
     monkeypatch.setattr(touched_plate, "STEPS", (2, 2))
-    rigid = fingered(record, wave, impedance={"stiffness_N_m": 1e9})
+    rigid = fingered(record, wave, impedance={"stiffness_N_per_m": 1e9})
     assert np.median(rigid.touched_m) < 1e-2 * np.median(free.touched_m)
     wave, felt = dataclasses.replace(record, shear=soft).pictures()
     assert felt.name == "shear" and "mm/s along x" in felt.alt
@@ -261,7 +261,7 @@ def test_the_largest_shear_has_a_bar_of_other_plates_and_drives(
     record, wave = solved
     monkeypatch.setattr(travelling, "missing_at_ends", lambda places: 1e-9)
     volts = record.drive_V_at_1um * wave.all_volts(wave.drives["pair+"])
-    at = {"impedance": {"stiffness_N_m": 1e3, "damping_N_s_m": 0.01}}
+    at = {"impedance": {"stiffness_N_per_m": 1e3, "damping_Ns_per_m": 0.01}}
     same, loud = (
         fingered(record, wave, varied=[(travelling.Driven(factor * volts, record.frequency_hz, Louder(1.0)),)], **at)
         for factor in (1.0, 1.1)
