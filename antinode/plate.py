@@ -20,9 +20,9 @@ from pipeline.logs import TerminalLog
 from pipeline.questions import registered
 from pipeline.questions.active import ActiveBeam, ActiveMason, ActivePillar, ActiveShaping
 from pipeline.questions.active_dq import ActiveDq
-from pipeline.questions.attenuation import Attenuation
+from pipeline.questions.attenuation import Attenuation, MeshAttenuation
 from pipeline.questions.bands import Bands, MeshBands, SupercellBands
-from pipeline.questions.broadband import Broadband
+from pipeline.questions.broadband import Broadband, MeshBroadband
 from pipeline.questions.command import asks, numpydoc
 from pipeline.questions.crosstalk import Crosstalk
 from pipeline.questions.drift import Drift
@@ -58,7 +58,7 @@ class Plate(Frozen):
         Tables of a case file, as Zone, Pillar, Array, Solve, BandPath, Damping, Air, Patches, Scatter, Finger or plain
         dictionaries, in the units of their keys.
     materials : dict, optional
-        Materials of groups of a mesh file, for `mesh_modes` and `mesh_bands`.
+        Materials of groups of a mesh file, for `mesh_modes`, `mesh_bands`, `mesh_attenuation` and `mesh_broadband`.
 
     Raises
     ------
@@ -212,7 +212,9 @@ class Plate(Frozen):
     mesh_bands = asks(MeshBands)
     supercell_bands = asks(SupercellBands)
     attenuation = asks(Attenuation)
+    mesh_attenuation = asks(MeshAttenuation)
     broadband = asks(Broadband)
+    mesh_broadband = asks(MeshBroadband)
     response = asks(Response)
     measured_response = asks(MeasuredResponse)
     synthetic_response = asks(SyntheticResponse)

@@ -48,7 +48,7 @@ FEATURES = {
     ),
     GROUPS: Feature(
         lambda case: GROUPS if case.group_materials else "",
-        "{} cannot honour it: it is for groups of a mesh file (modes and bands with --mesh-file), or remove it",
+        "{} cannot honour it: it is for groups of a mesh file (modes, bands, attenuation, broadband with --mesh-file)",
     ),
     DEFECTS: Feature(
         lambda case: DEFECTS if case.defects else "",

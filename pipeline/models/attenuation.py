@@ -66,10 +66,42 @@ def solve(
     model
         Reduced cell of the case's bands, if there is one already.
     """
-    (low, high), rows = band_hz, case.design.rows
     own: list[MeshRecord] = []
-    scene = _Scene(_pieces(case, choice, log, (low, high), kx, own, model))
+    scene = _Scene(_pieces(case, choice, log, band_hz, kx, own, model))
     meshes += own
+    expected = refinement.log_mesh_error(choice, case, log, scene.mesh_error)
+    return _answered(case, scene, log, band_hz, kx, points, expected)
+
+
+@one_thread()
+def solve_own(
+    case: Case, model: LatticeModel, log: Log, band_hz: tuple[float, float], kx: float, points: int
+) -> dict[str, Any]:
+    """Compute the complex bands of rows of an own cell, like `solve`.
+
+    Parameters
+    ----------
+    case
+        The case, with the plate next to the rows.
+    model
+        The reduced cell, whose sides are faces of that plate.
+    log
+        Receives the progress.
+    band_hz, points
+        Range and number of the evenly spaced frequencies.
+    kx
+        Wavenumber along the zone, rad/m.
+    """
+    about = sqrt(max(band_hz[0], 1.0) * band_hz[1])
+    scene = _Scene([_rows_of(case, kx, about, _of_model(case, model, log, False), None)])
+    return _answered(case, scene, log, band_hz, kx, points, scene.mesh_error)
+
+
+def _answered(
+    case: Case, scene: _Scene, log: Log, band_hz: tuple[float, float], kx: float, points: int, expected: float | None
+) -> dict[str, Any]:
+    """Waves of a scene over a band; expected: discretisation error of its cells' bands."""
+    (low, high), rows = band_hz, case.design.rows
     if "y" not in case.design.stack.mirrors:  # both half-plates are taken for mirror images
         if rows:
             log.left_out("power through the rows", "the plate's material is not its own mirror image across them")
@@ -77,7 +109,6 @@ def solve(
         scene = replace(scene, rows=rows)
     with log.step(f"{points} frequencies"):
         samples = [scene.point(float(f)) for f in np.linspace(low, high, points)]
-    expected = refinement.log_mesh_error(choice, case, log, scene.mesh_error)
     with log.step("error bars of the decay"):
         error = None if expected is None else expected + scene.reduction_error
         samples = _with_taken(scene, _with_bars(scene, samples, error), error)
@@ -197,9 +228,17 @@ def _piece(
     model: LatticeModel | None, about_hz: float, missed: float | None,
 ) -> _Piece:  # fmt: skip
     """Rows of one reduction; missed: what its basis misses of other moduli, None where they are constant."""
-    parted = missed is not None
     make = _staggered if case.design.stagger else _in_line
-    name, row, bare, by_mesh, truncated = make(case, choice, log, band_hz[1], meshes, model, parted)
+    return _rows_of(case, kx, about_hz, make(case, choice, log, band_hz[1], meshes, model, missed is not None), missed)
+
+
+Made = tuple[str, Periodic, Periodic, float | None, float]  # model, row, bare plate, and errors of the bands
+
+
+def _rows_of(case: Case, kx: float, about_hz: float, made: Made, missed: float | None) -> _Piece:
+    """Rows of cells at a wavenumber."""
+    parted = missed is not None
+    name, row, bare, by_mesh, truncated = made
     plate = tuple(dict.fromkeys(layer.material for layer in case.design.stack.layers))
     standing = case.design.materials
     own, beside = (
@@ -221,11 +260,16 @@ def _piece(
 def _in_line(
     case: Case, choice: ModelChoice, log: Log, high_hz: float, meshes: list[MeshRecord], model: LatticeModel | None,
     parted: bool,
-) -> tuple[str, Periodic, Periodic, float | None, float]:  # fmt: skip
+) -> Made:  # fmt: skip
     """Cell of the bands, reduced once for both uses, or again if its cut-off is too low for these frequencies."""
     if model is None or model.lattice.cell.dropped_hz < CLEAR * high_hz:
         corners = case.path(1).corners
         model = lattice_model(case, choice, corners, log, meshes, high_hz=high_hz, parted=parted)
+    return _of_model(case, model, log, parted)
+
+
+def _of_model(case: Case, model: LatticeModel, log: Log, parted: bool) -> Made:
+    """A reduced cell, and bare plate with its boundary functions."""
     cell = model.lattice.cell
     row, bare = Periodic([cell]), Periodic([bare_cell(case, cell.interface, log, parted)])
     return model.name, row, bare, model.mesh_error, model.reduction_error
@@ -234,7 +278,7 @@ def _in_line(
 def _staggered(
     case: Case, choice: ModelChoice, log: Log, high_hz: float, meshes: list[MeshRecord], model: LatticeModel | None,
     parted: bool,
-) -> tuple[str, Periodic, Periodic, float | None, float]:  # fmt: skip
+) -> Made:  # fmt: skip
     """Row of a staggered array, reduced like that of the bands."""
     assert choice.reduction
     reduction = replace(choice.reduction, top_hz=max(choice.reduction.top_hz, CLEAR * high_hz))

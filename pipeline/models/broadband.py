@@ -13,11 +13,13 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from geometry.tiling import Panel, lattice_panel
+from pipeline.case.features import GROUPS
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.answer_parts import BroadbandPoint, Transmission
 from pipeline.models.cell_cache import CellCache
+from pipeline.models.plate_cell import OwnRows
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_stagger, driven_band_hz
 from pipeline.planning.refinement import MARGIN
@@ -43,19 +45,23 @@ def broadband(
     points: int = POINTS,
     accuracy: float | None = None,
     with_bars: bool = True,
+    own: OwnRows | None = None,
 ) -> dict[str, Any]:
     """Solve one column of the case's cells at the target wavenumber over frequency; columns of `BroadbandResult` by name.
 
-    Raises InputError for a case without zone, pillar or rows, and for any model other than reduced hexahedra.
+    own: a cell in the place of the case's, and the relative discretisation error of its bands. Raises InputError for a case
+    without zone, pillar or rows, and for any model other than reduced hexahedra.
     """
-    design = checked(case)
+    design = own.design if own else checked(case)
     low, high = driven_band_hz(case, band_hz)
-    column, rows, bare, order = _model(design, accuracy or case.solve.accuracy, high, case.target_kx_per_m, log)
+    column, rows, bare, name = _model(design, accuracy or case.solve.accuracy, high, case.target_kx_per_m, log, own)
     tones = np.linspace(low, high, points)
     with log.step(f"{points} frequencies"), one_thread():
         driven = column.driven(tones, case.one_quality_factor("broadband"))
         transmitted = [_through(rows, bare, float(tone)) for tone in tones]
         errors = _mode_bars(driven) if with_bars else np.full(len(driven.modes.frequency_hz), np.nan)
+        if own:
+            errors = errors + (np.nan if own.mesh_error is None else own.mesh_error)
         widest = _widest(driven.modes.frequency_hz, errors, low, high)
         bars = _level_bars(driven, errors, points)
         taken = np.array([each.taken_db if each else np.nan for each in transmitted])
@@ -72,7 +78,7 @@ def broadband(
     stopped = stretches(tones, np.array([sample.taken_db for sample in samples]))
     errors_of = partial(end_errors, samples, widest)
     return {
-        "model": f"column of superelements hex{order}",
+        "model": name,
         "kx_per_m": case.target_kx_per_m,
         "rows": design.rows,
         "target_hz": target_hz,
@@ -102,35 +108,46 @@ def end_errors(
 def checked(case: Case) -> Design:
     """Return the design of a case whose rows stop a band; InputError like `broadband`."""
     case.require("plate", "zone", "pillar", "array.pitch_mm", "array.rows", command="broadband")
-    case.require_plate(command="broadband")
-    case.one_quality_factor("broadband")
     design = case.design
     said = []
-    if not design.rows:
-        said.append("array.rows = 0: must be 1 or more, a bare plate stops no waves")
-    if case.solve.model not in ("auto", "superelement"):
-        said.append(f"solve.model = {case.solve.model!r}: must be auto or superelement for broadband")
     if not design.is_mirrored:
         said.append("broadband needs a plate that is its own mirror image along x and y: turn the material's axes back")
     if not hexahedra(case, "plate"):
         said.append(
             "broadband needs pillars that hexahedra can follow, with room around their feet, and solve.mesh auto or hex"
         )
-    if said:
-        raise InputError(f"{case.source or case.name}: {text}" for text in said)
+    check_rows(case, said)
     if design.is_staggered:
         check_stagger(case)
     return design
 
 
-def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log) -> tuple[Column, list[Row], Row, int]:
-    """Build the column, its rows in an infinite plate, the bare plate next to them; returns them with the element order."""
+def check_rows(case: Case, more: Sequence[str] = ()) -> None:
+    """Raise InputError for a case without rows, or whose plate a column of cells cannot stand for, and for further faults."""
+    case.require_plate(command="broadband", honours=(GROUPS,))
+    case.one_quality_factor("broadband")
+    said = []
+    if not case.design.rows:
+        said.append("array.rows = 0: must be 1 or more, a bare plate stops no waves")
+    if case.solve.model not in ("auto", "superelement"):
+        said.append(f"solve.model = {case.solve.model!r}: must be auto or superelement for broadband")
+    if said or more:
+        raise InputError(f"{case.source or case.name}: {text}" for text in (*said, *more))
+
+
+def _model(
+    design: Design, accuracy: float, high_hz: float, kx: float, log: Log, own: OwnRows | None
+) -> tuple[Column, list[Row], Row, str]:
+    """Build the column, its rows in an infinite plate, the bare plate next to them; returns them with the model's name."""
     top_hz = max(high_hz, mesh_rules.target_window_hz(design)[1])
     reduction = mesh_rules.plate_reduction(design, accuracy, top_hz)
     reductions = Reductions(design.stack, design.pillar, reduction, CellCache())
+    if own:
+        reductions = own.reductions(reduction)
+        reduction = reductions.reduction
     count = 1 + design.is_staggered
     with log.step("reduce cells"):
-        column = Column(design, reductions, kx)
+        column = Column(design, reductions, kx, joined=own is not None)
         rows = [
             Row(Periodic([reductions.cell(each) for each in _attached(strip)]), kx)
             if any(p.free for p in strip)
@@ -144,7 +161,8 @@ def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log)
         f"column: {len(column.placed_cells)} cells across half the plate, {column.dof} degrees of freedom; "
         f"{reductions.fresh} reduced, the others loaded from the cache"
     )
-    return column, rows, bare, reduction.hexahedra.order
+    own_name = f", own cell {own.body.mesh.kind}{own.body.mesh.order}" if own else ""
+    return column, rows, bare, f"column of superelements hex{reduction.hexahedra.order}{own_name}"
 
 
 def _attached(strip: tuple[Panel, ...]) -> list[Panel]:

@@ -100,20 +100,49 @@ def own_cell(case: Case, files: Sequence[UserMesh], log: Log) -> OwnCell:
             except MeshError as fault:
                 raise InputError(f"{each.file}: {fault}") from fault
     if len(cells) == 1:
-        log.warning("NO_ERROR_BAR", f"{files[0].file}: no error bar: give a finer mesh, too, with a second --mesh-file")
-        return OwnCell(*cells[0], None, np.inf)
+        return OwnCell(*cells[0], None, compared([cells[0][0]], [files[0].file], log))
     (coarse, other), (fine, own) = sorted(cells, key=lambda cell: cell[1].dof)
     names = [files[place].file for place in np.argsort([cell[1].dof for cell in cells], kind="stable")]
-    _check_alike(coarse, fine, names)
+    ratio = compared([coarse, fine], names, log)
+    return OwnCell(fine, own, other if np.isfinite(ratio) else None, ratio)
+
+
+def compared(meshes: Sequence[AnyMesh], names: Sequence[str], log: Log) -> float:
+    """Compare the elements of two meshes of a cell, the coarser first, and warn where they give no error bar.
+
+    Parameters
+    ----------
+    meshes : sequence of AnyMesh
+        One or two meshes.
+    names : sequence of str
+        Their files.
+    log : Log
+        Receives the warning.
+
+    Returns
+    -------
+    float
+        How many times smaller the elements of the finer one are at least; infinite where they give no error bar.
+
+    Raises
+    ------
+    InputError
+        For meshes of two bodies, or of two orders.
+    """
+    if len(meshes) == 1:
+        log.warning("NO_ERROR_BAR", f"{names[0]}: no error bar: give a finer mesh, too, with a second --mesh-file")
+        return np.inf
+    coarse, fine = meshes
+    _check_alike(coarse, fine, list(names))
     ratio, axis = _ratio(coarse, fine)
     if ratio < FINER:
         what = f"its elements along {axis} are {figure(ratio)} times smaller than those of {names[0]} somewhere"
         log.warning(
             "NO_ERROR_BAR", f"{names[1]}: no error bar: {what}, which must be at least {FINER:g} times everywhere"
         )
-        return OwnCell(fine, own, None, np.inf)
+        return np.inf
     log.info(f"elements of {names[1]} are at least {figure(ratio)} times smaller than those of {names[0]}")
-    return OwnCell(fine, own, other, ratio)
+    return ratio
 
 
 def _check_alike(coarse: AnyMesh, fine: AnyMesh, names: list[str]) -> None:

@@ -102,7 +102,8 @@ def lattice_model(
     """
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     reduce = _reducer(choice, case, log, meshes, parted)
-    reduction, lattice, bar, error, beyond = _good_enough(reduce, reduction, corners, case, log, CLEAR * high_hz)
+    pilot = _coarse_pilot(case.design, case.bands.count)
+    reduction, lattice, bar, error, beyond = good_enough(reduce, pilot, reduction, corners, case, log, CLEAR * high_hz)
     choice = replace(choice, reduction=reduction, hexahedra=reduction.hexahedra)
 
     def on_mesh(choice: ModelChoice) -> tuple[ReducedLattice, Bar]:
@@ -190,16 +191,15 @@ def reduced_cell(case: Case, choice: ModelChoice, log: Log) -> Cell:
     return _reducer(replace(choice, edge_m=needs_cad), case, log, [])(choice.reduction)
 
 
-class _Pilot:
-    """Lattices of a coarse cell whose pillar is a box: fast, and with nearly the truncation error of the fine cell.
+class Pilot:
+    """Lattices of a coarse cell, fast and with nearly the truncation error of the fine cell, for many settings.
 
     The cell is reduced with finer settings than needed, and its matrices contain those of the coarser settings.
+    along, through: highest degrees that its mesh can hold.
     """
 
-    def __init__(self, design: Design, count: int) -> None:
-        self.design, self.count = design, count
-        thick = design.thickness_m >= THICK * max(design.pitch_x_m, design.pitch_y_m)
-        self.is_thick = thick or mesh_rules.is_tight(design) or not design.stack.is_uniform
+    def __init__(self, reduce: Reduce, is_thick: bool, along: int = MAX_DOF, through: int = MAX_DOF) -> None:
+        self.reduce, self.is_thick, self.along, self.through = reduce, is_thick, along, through
         self._whole: ReducedLattice | None = None
         self._top_hz = 0.0
 
@@ -207,26 +207,33 @@ class _Pilot:
         """Return the coarse cell reduced with these settings."""
         if self._whole is None or not self._holds(self._whole.cell.interface, reduction):
             face = reduction.interface
-            ample = replace(face, along=face.along + 1, through=face.through + self.is_thick)
+            along, through = min(face.along + 1, self.along), min(face.through + self.is_thick, self.through)
+            ample = replace(face, along=max(along, face.along), through=max(through, face.through))
             self._top_hz = reduction.top_hz
-            self._whole = self._reduced(replace(reduction, interface=ample))
+            self._whole = ReducedLattice(self.reduce(replace(reduction, interface=ample)))
         return self._whole.up_to(reduction.interface, reduction.top_hz)
 
     def _holds(self, face: Interface, reduction: ReductionSettings) -> bool:
         interface = reduction.interface
         return interface.along <= face.along and interface.through <= face.through and reduction.top_hz <= self._top_hz
 
-    def _reduced(self, reduction: ReductionSettings) -> ReducedLattice:
-        design = self.design
-        box = square_of(design.pillar) if design.pillar else None
+
+def _coarse_pilot(design: Design, count: int) -> Pilot:
+    """Coarse cell whose pillar is a box."""
+    thick = design.thickness_m >= THICK * max(design.pitch_x_m, design.pitch_y_m)
+    box = square_of(design.pillar) if design.pillar else None
+
+    def reduce(reduction: ReductionSettings) -> Cell:
         through = ceil(reduction.interface.through / ORDER)  # gives one node more through the plate than the degree
-        coarse = coarse_settings(design, self.count, through)
+        coarse = coarse_settings(design, count, through)
         reductions = Reductions(design.stack, box, replace(reduction, hexahedra=coarse), CellCache())
-        return ReducedLattice(reductions.cell(lattice_panel(replace(design, pillar=box))))
+        return reductions.cell(lattice_panel(replace(design, pillar=box)))
+
+    return Pilot(reduce, thick or mesh_rules.is_tight(design) or not design.stack.is_uniform)
 
 
 def _piloted(
-    pilot: _Pilot,
+    pilot: Pilot,
     reduction: ReductionSettings,
     corners: FloatArray,
     count: int,
@@ -252,7 +259,7 @@ def _piloted(
 
 
 def _thick_enough(
-    pilot: _Pilot, reduction: ReductionSettings, corners: FloatArray, count: int, allowed: float, log: Log
+    pilot: Pilot, reduction: ReductionSettings, corners: FloatArray, count: int, allowed: float, log: Log
 ) -> tuple[ReductionSettings, float]:
     """Raise the degree through the thickness until the next one changes a coarse cell by at most `allowed`; returns the change.
 
@@ -262,10 +269,10 @@ def _thick_enough(
         return reduction, 0.0
     error, face = 0.0, reduction.interface
     with log.step("choose the degree through the thickness on a coarse cell"):
-        for through in range(face.through, MAX_THROUGH + 1):
+        for through in range(face.through, min(MAX_THROUGH, pilot.through - 1) + 1):
             trial = replace(reduction, interface=replace(face, through=through + 1))
             error = last_degree_through(pilot.lattice(trial), corners, count)
-            if error <= allowed or through == MAX_THROUGH:
+            if error <= allowed or through == min(MAX_THROUGH, pilot.through - 1):
                 break
     if through == face.through:
         return reduction, error
@@ -276,16 +283,16 @@ def _thick_enough(
     return replace(finer, hexahedra=mesh_rules.with_nodes_for(finer.interface, finer.hexahedra)), error
 
 
-def _good_enough(
-    reduce: Reduce, reduction: ReductionSettings, corners: FloatArray, case: Case, log: Log, least_hz: float
-) -> tuple[ReductionSettings, ReducedLattice, Bar, float, float]:
+def good_enough(
+    reduce: Reduce, pilot: Pilot, reduction: ReductionSettings, corners: FloatArray, case: Case, log: Log,
+    least_hz: float,
+) -> tuple[ReductionSettings, ReducedLattice, Bar, float, float]:  # fmt: skip
     """Reduce with the settings of the coarse cell, and again if truncation exceeds its share of the accuracy.
 
     Returns settings and lattice, the largest error bar, the truncation error, and its part beyond the degree through the
     thickness.
     """
     count, accuracy = case.bands.count, case.solve.accuracy
-    pilot = _Pilot(case.design, count)
     advised = _piloted(pilot, reduction, corners, count, MARGIN * accuracy, log, least_hz)
     if advised != reduction:
         log.info(f"reduction for {count} bands within {percent(accuracy)}: {describe_change(reduction, advised)}")

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from math import isfinite, nan, pi
 from typing import Any
 
-from pipeline.case.features import OF_A_PLATE
+from pipeline.case.features import GROUPS, OF_A_PLATE
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_WAVENUMBER
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import AttenuationPoint
 from pipeline.quantity import KHZ, figure, frequency, level, level_with_bar, several, with_bar
 from pipeline.questions.bands import plan_of_cell
+from pipeline.questions.cell_meshes import OfCellMeshes
 from pipeline.questions.late import (
     Axes,
     Case,
@@ -310,6 +311,53 @@ class Attenuation(
         solved = solve(case, choice, run, band, kx, self.points, run.meshes, known)
         zone = predesign(case.design).zone
         return AttenuationResult(**solved, zone_hz=zone.frequency_hz if zone else None)
+
+
+class MeshAttenuation(
+    OfCellMeshes, Attenuation, Question[AttenuationResult],
+    instead_of="attenuation", by="mesh_file", needs=("plate", "array.pitch_mm"), honours=(*OF_A_PLATE, GROUPS),
+    at_own_frequencies=False,
+):  # fmt: skip
+    """Compute the attenuation per row in dB of rows of your own mesh of a unit cell, whose sides are faces of bare plate.
+
+    >>> import antinode, meshio, tempfile
+    >>> file, side = f"{tempfile.mkdtemp()}/cell.inp", 0.004
+    >>> lines = [[side * k / 6 for k in range(7)]] * 2 + [[0.002 * k / 4 for k in range(5)]]
+    >>> points = [[x, y, z] for z in lines[2] for y in lines[1] for x in lines[0]]
+    >>> first = [x + 7 * y + 49 * z for z in range(4) for y in range(6) for x in range(6)]
+    >>> cells = [[n, n + 1, n + 8, n + 7, n + 49, n + 50, n + 57, n + 56] for n in first]
+    >>> meshio.write_points_cells(file, points, [("hexahedron", cells)])
+    >>> plate = antinode.load("examples/small.toml", accuracy=0.1, bands__count=4)
+    >>> waves = plate.mesh_attenuation((30.0, 34.0), mesh_file=[file], points=2)
+    >>> waves.db_per_row.tolist()  # a bare plate
+    [0.0, 0.0]
+    """
+
+    def check(self, case: Case) -> None:
+        """Raise InputError as `attenuation`, without a window of frequencies, and for unsuitable files."""
+        super().check(case)
+        if not (self.band_kHz or case.solve.band_hz):
+            case.require("zone", command="attenuation without --band")
+        self.check_files()
+
+    def plan(self, case: Case) -> Plan:
+        why = ("your own mesh is reduced unchanged",)
+        step = plans.Step(
+            self.name, "attenuation across rows", "superelement", " and ".join(self.mesh_file), (), "", why
+        )
+        return plans.plan_of(case, step)
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> AttenuationResult:
+        from pipeline.models.attenuation import solve_own
+        from pipeline.models.parts import mesh_record
+        from pipeline.models.plate_cell import plate_cell, read_cells
+        from pipeline.planning.model_choice import driven_band_hz
+
+        band = driven_band_hz(case, hz(self.band_kHz))
+        bodies, ratio = read_cells(case, self.files, run)
+        run.meshes += [mesh_record("cell", body.mesh) for body in bodies[:1]]
+        model = plate_cell(case, bodies, ratio, run, band[1])
+        return AttenuationResult(**solve_own(case, model, run, band, self._kx(case), self.points))
 
 
 class PredictionResult(Result, axes=()):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from pipeline import quantity
 from pipeline.case.features import DEFECTS, GROUPS, OF_A_PLATE
 from pipeline.errors import InputError
 from pipeline.quantity import KHZ, several
+from pipeline.questions.cell_meshes import OfCellMeshes
 from pipeline.questions.late import (
     Axes,
     Case,
@@ -494,7 +495,7 @@ class SupercellBands(Bands, Question[BandsResult], instead_of="bands", by="super
         return BandsResult.of_solved(solve_supercell_bands(case, choice, self.size, run))
 
 
-class MeshBands(Question[BandsResult], instead_of="bands", by="mesh_file", honours=(*OF_A_PLATE, GROUPS)):
+class MeshBands(OfCellMeshes, Question[BandsResult], instead_of="bands", by="mesh_file", honours=(*OF_A_PLATE, GROUPS)):
     """Compute Bloch bands and gaps of your own mesh of a unit cell, whose sides are tied along the case's lattice vectors.
 
     The mesh is solved whole and unchanged; a second, finer or coarser, mesh of the cell gives error bars.
@@ -508,26 +509,12 @@ class MeshBands(Question[BandsResult], instead_of="bands", by="mesh_file", honou
     (4, 3)
     """
 
-    mesh_file: tuple[str, ...] = option(
-        default=(), kw_only=False, metavar="FILE",
-        help="mesh of the cell: .med, .msh or .inp; a second one for error bars",
-    )  # fmt: skip
-    unit: Literal["m", "mm"] | None = option(default=None, help="length unit of the mesh file (default: m)")
-    merge: float | None = option(
-        default=None, at_least=0.0, metavar="D",
-        help="merge nodes closer than this, in the unit of the file (0: keep touching bodies separate)",
-    )  # fmt: skip
-
     def check(self, case: Case) -> None:
         """Raise InputError for a case without a lattice, for more than two files and for a missing one."""
-        from pipeline.questions.modes import check_mesh_files
-
         case.require("array.pitch_mm", command="bands --mesh-file")
         case.require_one_kind("bands are")
         case.path(1)
-        if not 1 <= len(self.mesh_file) <= 2:
-            raise InputError(f"--mesh-file: {len(self.mesh_file)} files: must be one, or two meshes of one cell")
-        check_mesh_files(self.mesh_file)
+        self.check_files()
 
     def plan(self, case: Case) -> Plan:
         why = ("your own mesh is solved whole and unchanged",)
@@ -536,9 +523,7 @@ class MeshBands(Question[BandsResult], instead_of="bands", by="mesh_file", honou
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
         from pipeline.models.own_cell import solve_own_bands
-        from pipeline.models.user_mesh import UserMesh
 
-        files = [UserMesh(file, self.unit or "m", merge=self.merge) for file in self.mesh_file]
-        solved = solve_own_bands(case, files, run)
+        solved = solve_own_bands(case, self.files, run)
         run.meshes += solved.meshes
         return BandsResult.of_solved(solved)

@@ -6,11 +6,13 @@ from collections.abc import Iterator
 from math import nan
 from typing import Any
 
+from pipeline.case.features import GROUPS
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.answer_parts import BroadbandPoint
 from pipeline.quantity import KHZ, frequency_with_bar, interval, with_bar
 from pipeline.quantity import figure as in_digits
 from pipeline.questions.attenuation import over
+from pipeline.questions.cell_meshes import OfCellMeshes
 from pipeline.questions.late import Axes, Case, Plan, ReportFigure, confinement, np, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure, figure_at, stacked
@@ -185,3 +187,29 @@ class Broadband(
         from pipeline.models.broadband import broadband
 
         return BroadbandResult(**broadband(case, run, hz(self.band_kHz), self.points))
+
+
+class MeshBroadband(
+    OfCellMeshes, Broadband, Question[BroadbandResult],
+    instead_of="broadband", by="mesh_file", needs=("plate", "zone", "array.pitch_mm", "array.rows"), honours=(GROUPS,),
+):  # fmt: skip
+    """Compute the attenuation and the confinement by rows of your own mesh of a unit cell, in dB, over frequency.
+
+    The first cell begins at the border of the zone; cells on its other side are mirror images.
+    """
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without rows, and for unsuitable files."""
+        from pipeline.models.broadband import check_rows
+
+        Question.check(self, case)
+        check_rows(case)
+        self.check_files()
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> BroadbandResult:
+        from pipeline.models.broadband import broadband
+        from pipeline.models.plate_cell import own_rows
+        from pipeline.planning.model_choice import driven_band_hz
+
+        own = own_rows(case, self.files, run, driven_band_hz(case, hz(self.band_kHz))[1])
+        return BroadbandResult(**broadband(case, run, hz(self.band_kHz), self.points, own=own))

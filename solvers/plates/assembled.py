@@ -96,10 +96,15 @@ class Reductions:
         else:
             mesh, better = self._mesh(panel, self.settings(panel)).mesh, self.coarser(panel)
         system = self.system(mesh, self.lossy, self.materials if self.parted else ())
-        cell = reduce_cell(system, reduction.ample, reduction.top_hz, panel.halved, panel.free, better)
+        return self._finished(
+            reduce_cell(system, reduction.ample, reduction.top_hz, panel.halved, panel.free, better), system
+        )
+
+    def _finished(self, cell: Cell, system: System) -> Cell:
+        """The cell with the loss of a single material, restricted to the functions that are used."""
         if isinstance(system.loss, float):
             cell = replace(cell, loss=system.loss * cell.stiffness)
-        return restricted(cell, reduction.interface) if reduction.further else cell
+        return restricted(cell, self.reduction.interface) if self.reduction.further else cell
 
     @property
     def materials(self) -> tuple[Material, ...]:
@@ -136,9 +141,11 @@ class Reductions:
 
     def system(self, mesh: Mesh, lossy: bool = False, parted: Sequence[Material] = ()) -> System:
         """The assembled matrices of a mesh. MeshError for one that is not sound."""
+        return self._assembled(mesh, region_materials(self.stack, self.pillar), lossy, parted)
+
+    def _assembled(self, mesh: Mesh, materials: dict[str, Material], lossy: bool, parted: Sequence[Material]) -> System:
         check_mesh(mesh)
-        scale = Scale.of(self.stack.thickness_m, self.stack.mean)
-        return assemble(mesh, region_materials(self.stack, self.pillar), scale, lossy, parted)
+        return assemble(mesh, materials, Scale.of(self.stack.thickness_m, self.stack.mean), lossy, parted)
 
     def coarser(self, panel: Panel) -> Coarser | None:
         """Correction of a reduced panel by coarser meshes nested in its own; None for a mesh that has none.

@@ -49,6 +49,7 @@ from solvers.waves.complex_bands import Row
 BENT = 0.5  # of the larger of two neighbouring steps: where they differ by more, the samples do not resolve the curve
 FLAT_DB = 1e-3
 ENDS = (-1.0, 1.0)  # of the interval, where the level is looked up: computed for a curve that bends
+PROBES = 9  # places in an interval wider than the step between samples: a peak between these is seen
 Level = Callable[[float], float | None]
 
 
@@ -92,7 +93,12 @@ def _bent(level_db: FloatArray) -> BoolArray:
 def _bar(frequency_hz: FloatArray, level_db: FloatArray, index: int, error: float, level: Level | None) -> float | None:
     own, at = float(level_db[index]), float(frequency_hz[index])
     inside = level_db[np.abs(frequency_hz - at) <= error * at]
-    ends = [at * (1.0 + end * error) for end in ENDS]
+    few = (
+        len(inside) < PROBES
+        and level is not None
+        and 2.0 * error * at > float(np.diff(frequency_hz).min(initial=np.inf))
+    )
+    ends = [at * (1.0 + end * error) for end in (np.linspace(*ENDS, PROBES) if few else ENDS)]
     if level is None:
         others = [_extrapolated(frequency_hz, level_db, end) for end in ends]
     else:
@@ -253,12 +259,17 @@ class _PlacedCell:
 
 class Column:
     """The panels of one pitch along x, assembled at a wavenumber along x in rad/m: with y >= 0 of a plate of one zone, all with
-    several. panels: how many there are in a pitch; by default as few as the rows allow.
+    several. panels: how many there are in a pitch; by default as few as the rows allow. joined: whether rows at the plate's
+    edge keep the functions of their outer sides.
     """
 
-    def __init__(self, design: Design, reductions: Reductions, kx_per_m: float, panels: int | None = None) -> None:
+    def __init__(
+        self, design: Design, reductions: Reductions, kx_per_m: float, panels: int | None = None, joined: bool = False
+    ) -> None:
         self.design, self.kx = design, kx_per_m
         self.strips = column_strips(design, reductions.reduction.max_edge_m, panels)
+        if joined:
+            self.strips = [tuple(replace(panel, free=()) for panel in strip) for strip in self.strips]
         alike = [tuple(map(_centred, strip)) for strip in self.strips]
         rows = {strip: Row(Periodic(list(map(reductions.cell, strip))), kx_per_m) for strip in dict.fromkeys(alike)}
         self.rows = [rows[strip] for strip in alike]

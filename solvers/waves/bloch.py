@@ -276,7 +276,7 @@ def sides(mesh: AnyMesh, pitch_m: float) -> list[Side]:
         Sides in the order of their directions.
     """
     turns, found = [], []
-    for corners, full in _outer(mesh):
+    for corners, full in boundary_facets(mesh):
         points = mesh.nodes[corners]
         normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
         upright = np.flatnonzero(np.abs(normal[:, 2]) < UPRIGHT * np.linalg.norm(normal, axis=1))
@@ -289,8 +289,19 @@ def sides(mesh: AnyMesh, pitch_m: float) -> list[Side]:
     return [_side([found[place] for place in group], turns[group[0]]) for group in _alike(turns)]
 
 
-def _outer(mesh: AnyMesh) -> list[tuple[IntArray, IntArray]]:
-    """Facets that belong to one element only, by shape: their corners in a ring, and all their nodes."""
+def boundary_facets(mesh: AnyMesh) -> list[tuple[IntArray, IntArray]]:
+    """List the facets that belong to one element only.
+
+    Parameters
+    ----------
+    mesh : AnyMesh
+        The mesh.
+
+    Returns
+    -------
+    list of tuple
+        For each shape of facets, their corners in a ring (n, 3) or (n, 4), and all their nodes.
+    """
     kinds: dict[int, list[tuple[IntArray, IntArray]]] = {}
     for block in mesh.blocks:
         for local in block.element.facets:

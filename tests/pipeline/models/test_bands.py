@@ -169,7 +169,7 @@ def poor(accuracy: float) -> ReductionSettings:
 def test_a_coarse_cell_holds_every_degree_that_is_tried() -> None:
     """Stiff pillars that fill a soft plate ask for degree 6 through its thickness, and the next one tells what is left."""
     design = case("plate.thickness_mm=3", "array.pitch_mm=3.5").design
-    pilot, settings = unit_cell._Pilot(design, 8), ReductionSettings(Interface(4, 3), 3e5, coarse_cells.COARSEST)
+    pilot, settings = unit_cell._coarse_pilot(design, 8), ReductionSettings(Interface(4, 3), 3e5, coarse_cells.COARSEST)
     for through in (3, unit_cell.MAX_THROUGH, unit_cell.MAX_THROUGH + 1):
         thicker = replace(settings, interface=Interface(4, through))
         assert pilot.is_thick and pilot.lattice(thicker).cell.interface == Interface(4, through)

@@ -47,7 +47,7 @@ def test_modes_that_nobody_needs_make_room_for_a_degree() -> None:
     """All modes that the plan allows, with a degree more, were more functions than a wavevector may have."""
     scene, corners = case(0.0005), np.pi / 4e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
     begun = mesh_rules.lattice_reduction(scene.design, scene.solve.accuracy)
-    pilot, target = unit_cell._Pilot(scene.design, 10), unit_cell.MARGIN * scene.solve.accuracy
+    pilot, target = unit_cell._coarse_pilot(scene.design, 10), unit_cell.MARGIN * scene.solve.accuracy
     advised = unit_cell._piloted(pilot, begun, corners, 10, target, RecordingLog(), 0.0)
     assert advised.interface.along > begun.interface.along and advised.top_hz < begun.top_hz
     assert unit_cell.reduction_error(pilot.lattice(advised), corners, 10).total <= target

@@ -20,7 +20,7 @@ from pipeline.case.schema import known_keys
 from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.logs import RunLog, TerminalLog
-from pipeline.models.unit_cell import MARGIN, _Pilot, _piloted
+from pipeline.models.unit_cell import MARGIN, _coarse_pilot, _piloted
 from pipeline.paths import ROOT
 from pipeline.planning import plan
 from pipeline.planning.model_choice import ModelChoice, Request, cell_model_choice
@@ -118,7 +118,7 @@ def test_the_functions_foreseen_are_those_that_coarse_cells_advise() -> None:
         np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]) * np.pi / 10e-3,
     )
     assert reduction and demand.functions
-    pilot = _Pilot(case.design, case.bands.count)
+    pilot = _coarse_pilot(case.design, case.bands.count)
     advised = _piloted(
         pilot, reduction, corners, case.bands.count, MARGIN * case.solve.accuracy, TerminalLog(quiet=True), 0.0
     )
