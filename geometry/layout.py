@@ -561,6 +561,11 @@ class Design:
         return self._outer_m - max(self.row_pillars[0].reach_m[1] - self.row_pillars[0].footprint_m, 0.0) / 2.0
 
     @property
+    def unsupported(self) -> Design:
+        """The plate with free edges, nothing attached to it."""
+        return replace(self, supports=()) if self.supports else self
+
+    @property
     def is_mirrored(self) -> bool:
         """True when plate and supports are their own mirror image in x = 0 and y = 0: the quarter stands for the whole."""
         pillar, centred = self.pillar if self.rows else None, not any(self.centre_m)

@@ -39,7 +39,7 @@ FEATURES = {
     ),
     SUPPORTS: Feature(
         lambda case: SUPPORTS if case.design.supports else "",
-        "must be left out: {} supports free plates only (modes and response support any)",
+        "must be left out: {} supports free plates only (modes, response, touch, tolerance and search support any)",
     ),
     STRESS: Feature(
         lambda case: f"{STRESS} = {case.solve.temperature_C:g}" if _is_stressed(case.design) else "",

@@ -18,7 +18,7 @@ from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SUPERELEMENT, ModelChoice
 from pipeline.planning.simplifications import khz
 from solvers.piezo.forced import Drive, ForcedPlate
-from solvers.piezo.patched_plate import CLASSES, PressedPlate
+from solvers.piezo.patched_plate import PressedPlate
 from solvers.piezo.responses import curve_about, near_hz, peak_of
 from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
@@ -131,7 +131,8 @@ def _varied(case: Case, given: ToleranceTable, choice: ModelChoice, band: tuple[
     if case.patches:
         forced = driven(case, model, band, log)
     else:
-        pressed = PressedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, design, model.name)
+        plates = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
+        pressed = PressedPlate(plates, design, model.name)
         with log.step("modes of the plate"):
             window = mesh_rules.search_window_hz(design)
             forced = ForcedPlate(

@@ -279,7 +279,8 @@ class Question(Declared, Generic[R]):
         """Return the case as it is asked of. Raises InputError for an unsuitable one."""
         about: Any = case and self.asked_of(case)
         if about:
-            about.refuse(self.instead_of or self.name, self.honoured())
+            option = f" --{self.by[0].replace('_', '-')}" if self.instead_of and self.by else ""
+            about.refuse((self.instead_of or self.name) + option, self.honoured())
         self.check(about)
         return about
 

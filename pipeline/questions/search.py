@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal
 
-from pipeline.case.features import ZONES
+from pipeline.case.features import SUPPORTS, ZONES
 from pipeline.case.limits import MAX_EVALUATIONS
 from pipeline.errors import InputError
 from pipeline.quantity import GRAM, KHZ, MM, frequency, level, level_figure, level_with_bar, signed, with_bar
@@ -303,7 +303,7 @@ class Search(
     needs=("pillar", "array.pitch_mm"),
     example="search studies/three-rows.toml --vary pillar.height_mm=5:8 --vary array.pitch_mm=4:8 --out found",
     is_measure=False,
-    honours=(ZONES,),
+    honours=(ZONES, SUPPORTS),
 ):
     """Search for the design that confines the target mode best, with keys varied between two ends.
 
@@ -377,6 +377,8 @@ class Search(
         from pipeline.search.optimiser import check
 
         check(space, self._settings())
+        if case.design.supports and self.verify_with == "solid":
+            raise InputError("--verify-with solid: must be plate with [[support]]: solid meshes carry no supports")
         if case.design.zones > 1 and self.verify_with == "solid":
             count = case.design.zones
             raise InputError(

@@ -100,7 +100,7 @@ def _taller(case: Case, change_m: float) -> Case:
 
 def by_strip(case: Case, softness: float) -> FidelityResult:
     """Estimate the target mode from a strip whose pillars' feet have `softness` times the compliance of a half-space."""
-    design = case.design
+    design = case.design.unsupported
     try:
         solved = strip_modes(design.one_zone, *mesh_rules.target_window_hz(design), softness)
         alone = _of_profile(STRIP, solved.frequency_hz, solved.confinement)
@@ -161,7 +161,7 @@ def _solved(case: Case, fidelity: str, near_hz: float | None, banded: bool) -> F
 
 
 def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
-    design = case.design
+    design = case.design.unsupported
     if design.is_staggered:
         check_stagger(case)
     low, high = mesh_rules.target_window_hz(design)

@@ -18,7 +18,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
-from pipeline.case.features import ZONES
+from pipeline.case.features import SUPPORTS, ZONES
 from pipeline.case.model import Case
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
@@ -363,6 +363,12 @@ def budget_of(space: Space, settings: Settings) -> Budget:
     if not columns:
         what, why = "columns of reduced cells", "they need pillars that hexahedra can follow"
         rules.append(Simplification("no_columns", what, why))
+    if design.supports and (screened or columns):
+        what, why = (
+            "the supports, from strips and columns",
+            "these rank designs of the free plate; assembled plates have them",
+        )
+        rules.append(Simplification("no_supports", what, why))
     strips = len(screening_points(space)) if screened else 0
     return Budget(strips, COLUMNS_A_PLATE * settings.evaluations * columns, settings.evaluations, tuple(rules))
 
@@ -378,7 +384,7 @@ def search(
 def check(space: Space, settings: Settings) -> None:
     """Raise InputError for a case or keys that do not suit the goal."""
     case = space.case()
-    case.require_plate("search", (ZONES,))
+    case.require_plate("search", (ZONES, SUPPORTS))
     case.require("pillar", "array.pitch_mm", command="search")
     case.one_quality_factor("search")
     case.require_mirrored("search")
@@ -387,6 +393,7 @@ def check(space: Space, settings: Settings) -> None:
     if not case.design.rows and "array.rows" not in varied:
         raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate confines nothing")
     if settings.goal == "widest":
+        case.refuse("search --goal widest", (ZONES,))
         checked(case)
     if settings.goal == "worst" and not (case.tolerance and case.tolerance.height_m):
         raise InputError(f"{space.path}: tolerance.height_mm: missing, --goal worst needs the deviation of heights")
@@ -440,6 +447,7 @@ def _check_zones(case: Case, varied: set[str], settings: Settings) -> None:
             what = f"applies to a single zone, must be {', '.join(OF_ZONES[:-1])} or {OF_ZONES[-1]} for several"
             raise InputError(f"--goal {settings.goal}: {what}")
         case.require("patches", command="search")
+        case.refuse("search of several zones", (ZONES,))
         check_zones(case)
     elif settings.goal in OF_ZONES[2:] or settings.limits.isolation_db is not None:
         name = f"--goal {settings.goal}" if settings.goal in OF_ZONES[2:] else "--min-isolation"

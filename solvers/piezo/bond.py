@@ -238,12 +238,15 @@ class Panels:
 
     @property
     def clamped(self) -> tuple[str, ...]:
-        """Clamped sides: those where panels go on; all of them where the whole plate is meant, which nothing would support."""
+        """Clamped sides: those where panels go on, and the plate's own clamped edges; all of them where nothing else would
+        support the panels.
+        """
         last = (self.grid.nx - 1, self.grid.ny - 1)
+        held = {each.edge for each in self.grid.tiling.supports if each.kind == "clamp"}
         inner = [
             side
             for side, own, end in zip(SIDES, (*self.columns, *self.rows), (0, last[0], 0, last[1]), strict=True)
-            if own != end
+            if own != end or side in held
         ]
         return tuple(inner) or SIDES
 

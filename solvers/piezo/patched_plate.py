@@ -396,7 +396,9 @@ class _Bond:
 
 
 class PressedPlate:
-    """Symmetry classes of an assembled plate, one load of 1 N where patches would be; only the target class feels it."""
+    """Symmetry classes of an assembled plate, or the whole one, with one load of 1 N where patches would be; only the target
+    class feels it.
+    """
 
     def __init__(self, plates: Mapping[str, AssembledPlate], design: Design, name: str) -> None:
         self.name = name
@@ -404,10 +406,10 @@ class PressedPlate:
         self.scale = next(iter(plates.values())).placed_cells[0].cell.scale
         self.stiffness_unit = self.scale.young_pa * self.scale.length_m
         self.capacitance_f: FloatArray = np.ones(1)  # no circuit: never open
-        target = target_symmetry(design.nodal_lines)
-        self.everything = [self._group(plate, design, symmetry == target) for symmetry, plate in plates.items()]
-        self.groups = [group for group in self.everything if group.symmetries == (target,)]
-        self.undriven = [symmetry for symmetry in plates if symmetry != target]
+        pressed = WHOLE if WHOLE in plates else target_symmetry(design.nodal_lines)
+        self.everything = [self._group(plate, design, symmetry == pressed) for symmetry, plate in plates.items()]
+        self.groups = [group for group in self.everything if group.symmetries == (pressed,)]
+        self.undriven = [symmetry for symmetry in plates if symmetry != pressed]
 
     def _group(self, plate: AssembledPlate, design: Design, pressed: bool) -> Group:
         load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)

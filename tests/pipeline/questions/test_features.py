@@ -12,6 +12,9 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.questions import known
 from pipeline.questions.modes import Modes
+from pipeline.questions.search import Search
+from pipeline.questions.tolerance import AlikeTolerance, Tolerance
+from pipeline.questions.touch import Touch
 from tests.helpers.exploring import SMALL as FILE
 
 SMALL = tomllib.loads(FILE.read_text())
@@ -54,6 +57,31 @@ def test_what_a_question_cannot_honour_is_refused_in_one_line(name: str, feature
         question.suited(case_with(feature))
     line = next(each for each in fault.value.lines if WORDS.get(feature, f"{feature}: ") in each)
     assert name in line and len(fault.value.lines) == (2 if feature == STRESS and SUPPORTS not in kind.honours else 1)
+
+
+@pytest.mark.parametrize(
+    ("question", "said"),
+    [
+        (AlikeTolerance(alike=True), "tolerance --alike supports free plates only"),
+        (
+            Search(vary=(("pillar.height_mm", 5.8, 6.6),), goal="widest"),
+            "search --goal widest supports free plates only",
+        ),
+        (Search(vary=(("pillar.height_mm", 5.8, 6.6),), verify_with="solid"), "solid meshes carry no supports"),
+        (Search(vary=(("pillar.height_mm", 5.8, 6.6),)), ""),
+        (Tolerance(), ""),
+        (Touch(), ""),
+    ],
+)
+def test_options_that_know_no_supports_refuse_them_in_one_line(question: Any, said: str) -> None:
+    tables = {"tolerance": {"height_mm": 0.05}, "patches": {"size_mm": [8.0, 3.0, 0.3]}, "touch": {"radius_mm": 5.0}}
+    case = case_from_dict(SMALL | TABLES[SUPPORTS] | tables)
+    if not said:
+        question.suited(case)
+        return
+    with pytest.raises(InputError, match=said) as fault:
+        question.suited(case)
+    assert len(fault.value.lines) == 1
 
 
 def test_a_zone_or_a_pillar_alone_has_nothing_of_the_plate() -> None:

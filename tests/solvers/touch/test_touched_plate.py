@@ -17,12 +17,15 @@ from geometry.fingertips import FINGERTIPS, Fingertip
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
+from geometry.supports import Support
+from solvers.piezo.bond import Contact, displacement_at
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.responses import face_motion
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.plate import WHOLE
 from solvers.touch import touched_plate
 from solvers.touch.effects import Places, known_range, lattice, loaded_mode
 from solvers.touch.touched_plate import Finger, TouchedPlate, integration_error, power, rms
@@ -39,11 +42,14 @@ HEAVY = Fingertip("heavy", stiffness_n_m=2e6, damping_n_s_m=20.0, mass_kg=3e-5)
 
 
 @cache
-def patched() -> PatchedPlate:
+def patched(supports: tuple[Support, ...] = ()) -> PatchedPlate:
     reduction = ReductionSettings(Interface(4, 1), 200e3, HexSettings(2, 5e-3, 0, 0.2), 8e-3)
-    model = PlateModel(DESIGN, Reductions(Stack.of(DESIGN.thickness_m, ALUMINIUM), None, reduction))
+    model = PlateModel(
+        replace(DESIGN, supports=supports), Reductions(Stack.of(DESIGN.thickness_m, ALUMINIUM), None, reduction)
+    )
     bonded = [bonded_patch(PIEZO_MATERIALS["pz26"], np.array(box), 0.5e-3, True) for box in PATCHES_M]
-    return PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, bonded, True)
+    classes = CLASSES if None not in model.symmetries else (WHOLE,)
+    return PatchedPlate({symmetry: model.assembled(symmetry or None) for symmetry in classes}, bonded, True)
 
 
 @cache
@@ -118,6 +124,42 @@ def test_modes_with_a_finger_meet_a_direct_solve_of_the_whole_model(tip: Fingert
     )  # the open sensor carries none
     alone = [basis.columns @ basis.amplitudes(eigenvalue, answer[:2]) for basis in free().all_modes]
     assert np.linalg.norm(np.concatenate(alone) - direct) > 0.1 * np.linalg.norm(direct)  # the finger is felt
+
+
+SUPPORTS = (
+    Support("spring", at_m=(8e-3, 4e-3), radius_m=2e-3, stiffness_n_m=3e6),
+    Support("mass", at_m=(-6e-3, 5e-3), radius_m=1.5e-3, mass_kg=1e-4),
+)
+
+
+def test_a_finger_on_a_supported_plate_meets_a_direct_solve_of_the_free_one_with_both_added() -> None:
+    """Springs and masses as sums over their own points of the four classes; the discs' rules differ by 1e-3 of them."""
+    free_plate, design = patched(), replace(DESIGN, supports=SUPPORTS)
+    groups, unit = free_plate.everything, free_plate.stiffness_unit
+    stiffness, mass, loads, rows = whole(free(), finger=Finger(HEAVY, PLACE_M, RADIUS_M, DEGREE))
+    points, weights = rings(10, 40)
+    for each in SUPPORTS:
+        contact = Contact(np.array(each.at_m) + each.radius_m * points, np.diag(np.sqrt(weights)), back=True)
+        moved = [
+            sp.csc_array(
+                sp.hstack([displacement_at(own, contact)[axis::3] for group in groups for own in group.plates])
+            )
+            for axis in range(3)
+        ]
+        stiffness = stiffness + each.stiffness_n_m / unit * moved[2].T @ moved[2]
+        mass = mass + each.mass_kg / free_plate.scale.mass_kg * sum(u.T @ u for u in moved)
+    held = ForcedPlate(patched(SUPPORTS), design, Drive((0,), (1,), BAND_HZ, QUALITY))
+    assert held.plate.everything[0].symmetries == (WHOLE,)
+    plate, bare = TouchedPlate(held, Finger(HEAVY, PLACE_M, RADIUS_M, DEGREE)), touched(HEAVY)
+    tone = 0.5 * sum(BAND_HZ)  # where residual vectors are exact
+    eigenvalue = free_plate.scale.eigenvalue(tone)
+    answer = plate.volts(eigenvalue)
+    spring = plate.finger.dynamic_stiffness(tone) / unit
+    matrix = stiffness * (1.0 + 1j / QUALITY) - eigenvalue * mass + spring * (rows.T @ rows)
+    direct = rows @ spla.splu(sp.csc_array(matrix)).solve((loads @ answer[:2]).astype(complex))
+    ours = plate.contact_motion(tone)
+    assert np.linalg.norm(ours - direct) < 1e-3 * np.linalg.norm(direct)
+    assert np.linalg.norm(bare.contact_motion(tone) - direct) > 0.1 * np.linalg.norm(direct)
 
 
 @pytest.mark.parametrize(

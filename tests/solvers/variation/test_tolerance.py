@@ -13,8 +13,10 @@ import scipy.sparse.linalg as spla
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
+from geometry.supports import Support
 from geometry.tiling import signature
 from solvers.errors import SolverError
+from solvers.fem.eigen import PlainPencil, modes_near
 from solvers.measures.confinement import target_shape
 from solvers.piezo.forced import MARGIN, Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
@@ -23,7 +25,7 @@ from solvers.plates.assembled import PlateModel
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE
 from solvers.variation.cells import VariedReductions
-from solvers.variation.samples import Deviations, VariedPlate, spread
+from solvers.variation.samples import LEFT, Deviations, VariedPlate, spread
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.0e-3, ALUMINIUM)
@@ -360,3 +362,72 @@ def test_statistics_of_few_values() -> None:
 def test_deviations_of_the_wrong_shape_are_refused() -> None:
     with pytest.raises(SolverError, match="must be"):
         stand().varied.sample(np.zeros((3, 4)))
+
+
+HELD = (
+    Support("clamp", "x-"),
+    Support("foam", "y+", bedding_n_m2=2e7),
+    Support("spring", at_m=(2e-3, 0.0), radius_m=1.5e-3, stiffness_n_m=2e6),
+    Support("mass", at_m=(-5e-3, 1e-3), radius_m=1e-3, mass_kg=3e-5),
+)
+
+
+@cache
+def held() -> Stand:
+    design = replace(DESIGN, supports=HELD)
+    made, reductions = model(design)
+    plate = PressedPlate({WHOLE: made.assembled(None)}, design, made.name)
+    tone = ForcedPlate(plate, design, Drive((0,), (), BAND_HZ, QUALITY)).target_hz()
+    assert tone is not None
+    narrow = Drive((0,), (), (0.97 * tone, 1.03 * tone), QUALITY)
+    forced = ForcedPlate(plate, design, narrow, (1.0, 1.0))  # the shapes that changes bring are all that is beyond
+    return Stand(design, made, reductions, forced, VariedPlate(forced, reductions.families))
+
+
+def of_one_pillar(have: Stand, pillar: int, change_m: np.ndarray) -> tuple[float, float]:
+    """Frequency and confinement of the supported plate's target mode, assembled with another pillar in one place."""
+    plate = have.made.assembled(None)
+    places = plate.grid.representative_cells()
+    foot = min(plate.tiling.feet.items(), key=lambda each: float(np.abs(have.varied.pillars[pillar] - each[1]).sum()))[
+        0
+    ]
+    placed, family = (
+        plate.placed_cells[places.index(foot)],
+        have.reductions.families[signature(plate.tiling.panel(*foot))],
+    )
+    live = placed.coefficient != 0.0
+    turn = sp.csr_array((placed.coefficient[live], (np.flatnonzero(live), placed.dofs[live])), (len(live), plate.dof))
+    nominal, changes = plate.pencil(), zip(family.at(change_m), (placed.cell.stiffness, placed.cell.mass), strict=True)
+    stiff, heavy = (sp.csc_array(turn.T @ sp.csr_array(own - before) @ turn) for own, before in changes)
+    pencil = PlainPencil(nominal.stiffness + stiff, sp.csc_array(nominal.mass) + heavy, nominal.scale, 0)
+    modes = modes_near(pencil, have.forced.target_hz() or 0.0, 1)
+    field = plate.touch(modes.vectors)
+    active, square = field.is_active(have.design), field.weights * field.values[:, 0] ** 2
+    return float(modes.frequency_hz[0]), 10.0 * float(np.log10(square[active].sum() / square[~active].sum()))
+
+
+def own_level(varied: VariedPlate, change: np.ndarray) -> tuple[float, float]:
+    """Frequency and confinement of a sample's tracked mode."""
+    sample = varied.sample(change)
+    at = sample.tracked.index
+    assert at is not None and sample.tracked_hz is not None
+    return sample.tracked_hz, 10.0 * float(np.log10(sample.inside[at, at] / sample.outside[at, at]))
+
+
+def test_a_supported_plates_derivatives_are_differences_of_plates_assembled_anew() -> None:
+    """By a pillar's height, side and place: the space holds the first order of frequencies, and that of shapes but for LEFT
+    of the mode where all pillars are off by one deviation, 20 LEFT / ln 10 of a level.
+    """
+    have = held()
+    assert len(have.varied.pillars) == 8 and have.made.assembled(None).rigid_count == 0
+    for axis, size in enumerate(DEVIATIONS.sizes_m):
+        slopes = []
+        for pillar in (0, 3, 6):
+            steps = [sign * 0.2 * size * np.eye(4)[axis] for sign in (1.0, -1.0)]
+            ours = [own_level(have.varied, np.eye(8)[:, [pillar]] * step) for step in steps]
+            theirs = [of_one_pillar(have, pillar, step) for step in steps]
+            slopes.append((np.subtract(*ours), np.subtract(*theirs)))
+        mine, exact = (np.array(each) for each in zip(*slopes, strict=True))
+        off = np.abs(mine - exact).max(axis=0)
+        assert off[0] < 1e-3 * np.abs(exact[:, 0]).max() and off[1] < 0.4 * 20.0 * LEFT / np.log(10.0)
+        assert axis or np.abs(exact[:, 1]).max() > 0.05  # dB by heights: a hundred times that
