@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from math import pi, sqrt
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.errors import GeometryError
+from geometry.spectra import Rows, Spectrum, Zener
 
 Stiffness = tuple[tuple[float, ...], ...]  # rows of a 6 x 6 matrix
 VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # place of the strain ij in the order xx, yy, zz, yz, xz, xy
@@ -22,7 +23,7 @@ EXCHANGED = [1, 0, 2, 4, 3, 5]  # strains with x and y exchanged
 SAME = 1e-9  # relative to the largest stiffness
 ROUNDING = 1e-14  # relative: a stiffness below it is what a turn by a right angle leaves of zero
 LAWS = ("young_GPa", "cubic_GPa", "orthotropic", "C_GPa")  # keys of a law in a table of a material
-SPECTRUM = "young_GPa_at"  # key of an isotropic law that depends on the frequency
+SPECTRA = ("young_GPa_at", "zener")  # keys of an isotropic law that depends on the frequency
 PER_LAYER = 8  # elements of a layer whose shear resonance is sought: then to 1e-5 of it
 QUADRATIC_STIFFNESS = np.array([[7.0, -8.0, 1.0], [-8.0, 16.0, -8.0], [1.0, -8.0, 7.0]])
 QUADRATIC_MASS = np.array([[4.0, 2.0, -1.0], [2.0, 16.0, 2.0], [-1.0, 2.0, 4.0]])
@@ -85,9 +86,8 @@ class Material:
 
     stiffness_pa: over the strains xx, yy, zz, yz, xz, xy (engineering shear). constants: those of an isotropic law, which
     `isotropic` makes; None for any other. loss_factor, softening_per_k (of all stiffnesses alike, relative to 20 C) and
-    expansion_per_k: None where they are not known. spectrum: frequency in Hz, Young's modulus at 20 C in Pa and loss factor in
-    rising order, of a law that depends on the frequency; it is then the law at taken_hz. Raises GeometryError unless the
-    density and all eigenvalues are above 0.
+    expansion_per_k: None where they are not known. spectrum: Young's modulus at 20 C and loss factor of a law that depends on
+    the frequency; it is then the law at taken_hz. Raises GeometryError unless the density and all eigenvalues are above 0.
     """
 
     name: str
@@ -99,7 +99,7 @@ class Material:
     softening_per_k: float | None = None
     expansion_per_k: float | None = None
     temperature_c: float = USUAL_C
-    spectrum: tuple[tuple[float, float, float], ...] = ()
+    spectrum: Spectrum | None = None
     taken_hz: float | None = None
 
     def __post_init__(self) -> None:
@@ -133,10 +133,10 @@ class Material:
     def of_table(cls, name: str, table: Mapping[str, Any]) -> Material:
         """A material by the keys of a case file. GeometryError with the key of a constant that no solid can have."""
         density, source = float(table["density_kg_m3"]), table.get("source", "given in the case file")
-        if table.get(SPECTRUM) is not None:
-            rows = tuple((float(hz), GPA * young, float(loss)) for hz, young, loss in table[SPECTRUM])
-            own = cls.isotropic(name, rows[0][1], density, float(table["poisson"]), source)
-            return replace(own, **_known(table), spectrum=rows).at_hz(sqrt(rows[0][0] * rows[-1][0]))
+        if spectrum := _spectrum(table):
+            young, _ = spectrum.at(spectrum.middle_hz)
+            own = cls.isotropic(name, young, density, float(table["poisson"]), source)
+            return replace(own, **_known(table), spectrum=spectrum).at_hz(spectrum.middle_hz)
         if table.get("young_GPa") is not None:
             own = cls.isotropic(name, GPA * table["young_GPa"], density, float(table["poisson"]), source)
         else:
@@ -183,25 +183,18 @@ class Material:
         return stiffness * edges
 
     def at_hz(self, frequency_hz: float) -> Material:
-        """Return the law at a frequency in Hz; itself where it does not depend on it.
-
-        log E and the loss factor are linear in log f between the rows of the spectrum, and constant beyond its ends.
-        """
+        """Return the law at a frequency in Hz; itself where it does not depend on it."""
         if not self.spectrum:
             return self
-        young, loss = self._at_hz(frequency_hz)
-        before = self._at_hz(self.taken_hz)[0] if self.taken_hz else self.spectrum[0][1]
+        young, loss = self.spectrum.at(frequency_hz)
+        before = self.spectrum.at(self.taken_hz or self.spectrum.middle_hz)[0]
         return replace(self.scaled(young / before), loss_factor=loss, taken_hz=frequency_hz)
 
     def stiffening(self, frequency_hz: float) -> float:
         """Return its modulus at a frequency in Hz over that of the law as it is, dimensionless."""
-        return self._at_hz(frequency_hz)[0] / self._at_hz(self.taken_hz)[0] if self.taken_hz else 1.0
-
-    def _at_hz(self, frequency_hz: float) -> tuple[float, float]:
-        """Young's modulus at 20 C, Pa, and loss factor of the spectrum."""
-        tones, young, loss = np.array(self.spectrum).T
-        at = np.log(frequency_hz)
-        return float(np.exp(np.interp(at, np.log(tones), np.log(young)))), float(np.interp(at, np.log(tones), loss))
+        if not self.spectrum or not self.taken_hz:
+            return 1.0
+        return self.spectrum.at(frequency_hz)[0] / self.spectrum.at(self.taken_hz)[0]
 
     def scaled(self, factor: float) -> Material:
         """Return the law with its stiffness multiplied by `factor`."""
@@ -243,7 +236,7 @@ class Material:
         if self.temperature_c != USUAL_C:
             known["temperature_c"] = self.temperature_c
         if self.spectrum:
-            known |= {"spectrum": self.spectrum, "taken_hz": self.taken_hz}
+            known |= {"spectrum": astuple(self.spectrum), "taken_hz": self.taken_hz}
         return {"name": self.name, **law, "density_kg_m3": self.density_kg_m3, **known}
 
     @property
@@ -341,6 +334,16 @@ def _of_21(rows: list[list[float]]) -> FloatArray:
     if least <= 0.0:
         raise GeometryError(f"C_GPa: must be positive definite; its smallest eigenvalue is {least:.3g} GPa")
     return c
+
+
+def _spectrum(table: Mapping[str, Any]) -> Spectrum | None:
+    """The modulus over frequency of a table, None if it gives none."""
+    rows, zener = (table.get(key) for key in SPECTRA)
+    if zener:
+        given = {key: zener[key] for key in ("relaxed_GPa", "unrelaxed_GPa", "time_s", "order")}
+        relaxed, unrelaxed, time, order = map(float, given.values())
+        return Zener(GPA * relaxed, GPA * unrelaxed, time, order)
+    return Rows(tuple((float(hz), GPA * young, float(loss)) for hz, young, loss in rows)) if rows else None
 
 
 def _known(table: Mapping[str, Any]) -> dict[str, Any]:

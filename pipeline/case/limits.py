@@ -32,6 +32,10 @@ POISSON_RATIO: Range = (-100.0, 100.0)
 """Of an orthotropic law each is limited by the ratio of two moduli alone."""
 LOSS_FACTOR: Range = (0.0, 10.0)
 """Imaginary over real part of a modulus: rubber at its glass transition reaches 2 or 3."""
+RELAXATION_S: Range = (1e-15, 1e15)
+"""Time of a fractional Zener law: far outside it, it is one of its two moduli at any frequency."""
+ORDER: Range = (0.01, 1.0)
+"""Of its derivative: 1 is Zener's own; polymers have 0.2 to 0.7."""
 MAX_SPECTRUM = 200
 """Rows of a modulus over frequency."""
 PER_KELVIN: Range = (-0.1, 0.1)
@@ -217,9 +221,12 @@ def _doubt(material: Material) -> list[str]:
 
 def beyond_spectrum(material: Material, tone: float | None) -> list[str]:
     """Return a line for a frequency, Hz, at which the spectrum of a material does not hold."""
-    if tone is None or not material.spectrum or material.spectrum[0][0] <= tone <= material.spectrum[-1][0]:
+    if tone is None or not material.spectrum:
         return []
-    ends = f"{figure(material.spectrum[0][0])} to {figure(material.spectrum[-1][0])} Hz"
+    low, high = material.spectrum.ends_hz
+    if low <= tone <= high:
+        return []
+    ends = f"{figure(low)} to {figure(high)} Hz"
     return [f"{material.name}: young_GPa_at holds from {ends}: at {figure(tone)} Hz its nearest end is taken"]
 
 

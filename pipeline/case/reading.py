@@ -20,7 +20,7 @@ from pydantic.fields import FieldInfo
 from geometry.errors import GeometryError
 from geometry.files import read_by_command
 from geometry.layout import MAX_SECTIONS, Design
-from geometry.materials import LAWS, LIBRARY, MATERIALS, OTHER_NAMES, SPECTRUM, USUAL_C, Material
+from geometry.materials import LAWS, LIBRARY, MATERIALS, OTHER_NAMES, SPECTRA, USUAL_C, Material
 from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline import paths
 from pipeline.case.checks import (
@@ -737,7 +737,7 @@ def _read_material(
                 materials[owner] = Material.of_table("given", value)
             except GeometryError as error:
                 name, _, what = str(error).partition(": ")
-                law = next(law for law in (*LAWS, SPECTRUM) if law in value)
+                law = next(law for law in (*LAWS, *SPECTRA) if law in value)
                 named_by_law = (
                     name.partition(".")[0] == law
                 )  # else it is the material's own check that rounding has failed
@@ -756,8 +756,8 @@ def _has_materials(pillar: Any) -> bool:
 def _check_law(value: dict[str, Any], key: str, diagnostics: Diagnostics) -> None:
     """Report a table of a material that has no law, or several, and keys that its law does not take."""
     laws = [law for law in LAWS if law in value]
-    if SPECTRUM in value:
-        _check_spectrum(value, key, diagnostics)
+    if spectra := [each for each in SPECTRA if each in value]:
+        _check_spectrum(value, spectra, key, diagnostics)
         laws = ["young_GPa", *(law for law in laws if law != "young_GPa")]
     if not laws:
         others = ", ".join(LAWS[1:])
@@ -773,29 +773,42 @@ def _check_law(value: dict[str, Any], key: str, diagnostics: Diagnostics) -> Non
         diagnostics.add(f"{key}.axes_deg", value["axes_deg"], "must be left out of an isotropic law, which has no axes")
 
 
-def _check_spectrum(value: dict[str, Any], key: str, diagnostics: Diagnostics) -> None:
-    """Report a modulus over frequency whose rows do not rise, or that contradicts a single modulus or loss factor."""
-    rows, young = value[SPECTRUM], value.get("young_GPa")
-    if not any(fault.startswith(f"{key}.{SPECTRUM}") for fault in diagnostics.keys):
-        tones = [row[0] for row in rows]
-        bounds = ((KHZ * FREQUENCY_KHZ[0], KHZ * FREQUENCY_KHZ[1]), YOUNG_GPA, LOSS_FACTOR)
-        for row in rows:
-            if not all(low <= number <= high for number, (low, high) in zip(row, bounds, strict=True)):
-                allowed = ", ".join(
-                    f"{what} {span(each)}" for what, each in zip(("Hz", "GPa", "loss"), bounds, strict=True)
-                )
-                diagnostics.add(f"{key}.{SPECTRUM}", row, f"must be {allowed}")
-        if any(low >= high for low, high in pairwise(tones)):
-            diagnostics.add(f"{key}.{SPECTRUM}", tones, "must be rows in order of rising frequency")
-        low, high = min(row[1] for row in rows), max(row[1] for row in rows)
+def _check_spectrum(value: dict[str, Any], spectra: list[str], key: str, diagnostics: Diagnostics) -> None:
+    """Report a modulus over frequency given twice, without rise, or against a single modulus or loss factor."""
+    spectrum, young = spectra[0], value.get("young_GPa")
+    if len(spectra) > 1:
+        diagnostics.add(f"{key}.{spectra[1]}", value[spectra[1]], f"cannot be combined with {spectrum}: one law only")
+    if not any(fault.startswith(f"{key}.{spectrum}") for fault in diagnostics.keys):
+        check = _check_zener if spectrum == "zener" else _check_rows
+        low, high = check(value[spectrum], f"{key}.{spectrum}", diagnostics)
         if isinstance(young, int | float) and not low <= young <= high:
-            diagnostics.add(
-                f"{key}.young_GPa", young, f"must lie within {SPECTRUM}, {low:g} to {high:g}, or be left out"
-            )
+            what = f"must lie within {spectrum}, {low:g} to {high:g}, or be left out"
+            diagnostics.add(f"{key}.young_GPa", young, what)
     if "loss_factor" in value:
+        what = f"must be left out: {spectrum} has its own over the frequency"
+        diagnostics.add(f"{key}.loss_factor", value["loss_factor"], what)
+
+
+def _check_rows(rows: list[list[float]], key: str, diagnostics: Diagnostics) -> tuple[float, float]:
+    """Report rows that do not rise or exceed limits; the smallest and the largest modulus."""
+    bounds = {"Hz": (KHZ * FREQUENCY_KHZ[0], KHZ * FREQUENCY_KHZ[1]), "GPa": YOUNG_GPA, "loss": LOSS_FACTOR}
+    for row in rows:
+        if not all(low <= number <= high for number, (low, high) in zip(row, bounds.values(), strict=True)):
+            allowed = ", ".join(f"{what} {span(each)}" for what, each in bounds.items())
+            diagnostics.add(key, row, f"must be {allowed}")
+    if any(low[0] >= high[0] for low, high in pairwise(rows)):
+        diagnostics.add(key, [row[0] for row in rows], "must be rows in order of rising frequency")
+    return min(row[1] for row in rows), max(row[1] for row in rows)
+
+
+def _check_zener(table: dict[str, float], key: str, diagnostics: Diagnostics) -> tuple[float, float]:
+    """Report a law that softens with frequency; its two moduli."""
+    low, high = table["relaxed_GPa"], table["unrelaxed_GPa"]
+    if not low <= high:
         diagnostics.add(
-            f"{key}.loss_factor", value["loss_factor"], f"must be left out: the rows of {SPECTRUM} have their own"
+            f"{key}.unrelaxed_GPa", high, f"must be relaxed_GPa = {low:g} or more: no solid softens with frequency"
         )
+    return low, high
 
 
 def _tune(materials: dict[str, Material], found: dict[str, Table], faulty: set[str]) -> None:

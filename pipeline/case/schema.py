@@ -113,6 +113,13 @@ OrthotropicTable: type[Table] = create_model(
 SpectrumRow = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
+class ZenerTable(Table):
+    relaxed_GPa: Modulus
+    unrelaxed_GPa: Modulus
+    time_s: float = positive(limits.RELAXATION_S)
+    order: float = positive(limits.ORDER)
+
+
 class MaterialTable(Table):
     density_kg_m3: float = positive(limits.DENSITY_KG_M3)
     young_GPa: float | None = optional(limits.YOUNG_GPA)
@@ -132,6 +139,11 @@ class MaterialTable(Table):
     young_GPa_at: Annotated[list[SpectrumRow], Field(min_length=2, max_length=limits.MAX_SPECTRUM)] | None = Field(
         default=None,
         description=f"2 to {limits.MAX_SPECTRUM} rows [Hz, GPa, loss factor] in order of rising frequency",
+    )
+    zener: ZenerTable | None = Field(
+        default=None,
+        description=f"a table {{relaxed_GPa, unrelaxed_GPa, time_s, order}}, moduli {span(limits.YOUNG_GPA)}, time "
+        f"{span(limits.RELAXATION_S)} s, order {span(limits.ORDER)}",
     )
     axes_deg: Annotated[list[Angle], Field(min_length=3, max_length=3)] | None = Field(
         default=None,

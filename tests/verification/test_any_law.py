@@ -123,15 +123,15 @@ TURNED = {"material": {**SILICON, "axes_deg": [20.0, 15.0, 0.0]}, "plate": {"thi
     ("own", "band_hz", "other"),
     [
         (LAYERED, (3e3, 14e3), {"accuracy": 0.02, "mesh": "tet"}),
-        (LAYERED, (3e3, 10e3), {"accuracy": 0.01, "model": "solid"}),
+        (LAYERED, (3e3, 10e3), {"accuracy": 0.02, "model": "solid"}),
         (TURNED, (3e3, 60e3), {"accuracy": 0.02, "mesh": "tet"}),
-        (TURNED, (3e3, 50e3), {"accuracy": 0.01, "model": "solid"}),
+        (TURNED, (3e3, 50e3), {"accuracy": 0.02, "model": "solid"}),
     ],
 )
 def test_plates_with_pillars_agree_within_both_bars(
     own: dict[str, Any], band_hz: tuple[float, float], other: dict[str, Any]
 ) -> None:
-    reduced = frequencies(case_from_dict({**PLATE, **own, "solve": {"accuracy": 0.005}}), band_hz)
+    reduced = frequencies(case_from_dict({**PLATE, **own, "solve": {"accuracy": 0.01}}), band_hz)
     second = frequencies(case_from_dict({**PLATE, **own, "solve": other}), band_hz)
     assert len(reduced[0]) == len(second[0]) >= 3
     assert (np.abs(reduced[0] / second[0] - 1.0) <= reduced[1] + second[1]).all()

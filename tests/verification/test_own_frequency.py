@@ -15,6 +15,7 @@ import scipy.sparse.linalg as spla
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import Material
+from geometry.spectra import Zener
 from geometry.tiling import lattice_panel
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
@@ -40,6 +41,11 @@ from tests.helpers.recording_log import RecordingLog
 LOG = TerminalLog(True)
 ROWS = [[1e3, 2.0, 0.02], [1e4, 2.6, 0.05], [1e5, 4.0, 0.08]]
 RESIN = {"young_GPa_at": ROWS, "poisson": 0.38, "density_kg_m3": 1180.0}
+ZENER = {
+    "zener": {"relaxed_GPa": 1.8, "unrelaxed_GPa": 4.5, "time_s": 1e-5, "order": 0.4},
+    "poisson": 0.38,
+    "density_kg_m3": 1180.0,
+}
 METAL = {"young_GPa": 70.0, "poisson": 0.34, "density_kg_m3": 2700.0}
 
 
@@ -66,11 +72,33 @@ def test_a_modulus_between_two_rows_is_a_power_of_the_frequency() -> None:
     assert own.at(60.0).at_hz(1e5).as_isotropic.young_pa == pytest.approx(own.at_hz(1e5).as_isotropic.young_pa)
 
 
-def test_each_mode_of_one_material_has_the_modulus_of_its_own_frequency() -> None:
-    found = solve_modes(case(RESIN, RESIN), Request("pillar", near_hz=0.0, count=4), LOG)
+@pytest.mark.parametrize("order", [1.0, 0.3])
+def test_a_fractional_zener_law_loses_most_where_and_what_its_closed_form_says(order: float) -> None:
+    """Pritz: w tau = c^(-1/2a), eta = (c - 1) sin(a pi/2) / (2 sqrt(c) + (c + 1) cos(a pi/2)), c = E_inf/E_0."""
+    own, c = Zener(2e9, 8e9, 1e-5, order), 4.0
+    peak = c ** (-0.5 / order) / (2.0 * np.pi * own.time_s)
+    most = (c - 1.0) * np.sin(order * np.pi / 2.0) / (2.0 * np.sqrt(c) + (c + 1.0) * np.cos(order * np.pi / 2.0))
+    assert own.at(peak)[1] == pytest.approx(most, rel=1e-12)
+    assert max(own.at(0.9 * peak)[1], own.at(1.1 * peak)[1]) < most
+    slow, quick = own.at(1e-40)[0], own.at(1e45)[0]
+    assert (slow, quick) == pytest.approx((2e9, 8e9), rel=1e-9) and own.ends_hz == (0.0, np.inf)
+
+
+def test_zeners_own_law_is_a_spring_beside_a_spring_and_a_dashpot() -> None:
+    """E_0 + i w m E_1 / (E_1 + i w m), with E_1 = E_inf - E_0 and tau = m / E_1."""
+    low, more, viscosity, w = 2e9, 6e9, 5e4, 2.0 * np.pi * 3e4
+    exact = low + 1j * w * viscosity * more / (more + 1j * w * viscosity)
+    found, loss = Zener(low, low + more, viscosity / more, 1.0).at(3e4)
+    assert (found, loss) == pytest.approx((exact.real, exact.imag / exact.real), rel=1e-12)
+
+
+@pytest.mark.parametrize("law", [RESIN, ZENER], ids=["rows", "zener"])
+def test_each_mode_of_one_material_has_the_modulus_of_its_own_frequency(law: dict[str, Any]) -> None:
+    found = solve_modes(case(law, law), Request("pillar", near_hz=0.0, count=4), LOG)
     assert len(found.rows) >= 4
     for number, row in enumerate(found.rows):
-        alone = case(fixed(row.frequency_hz), fixed(row.frequency_hz))
+        own = Material.of_table("own", law).at_hz(row.frequency_hz).as_isotropic.young_pa / 1e9
+        alone = case(*2 * (METAL | {"young_GPa": own, "poisson": 0.38, "density_kg_m3": 1180.0},))
         again = solve_modes(alone, Request("pillar", near_hz=0.0, count=4), LOG).rows[number]
         assert row.frequency_hz == pytest.approx(again.frequency_hz, rel=1e-7)
         assert "moduli" not in row.error_parts or row.error_parts["moduli"] < 1e-12
@@ -264,15 +292,19 @@ def test_a_driven_and_touched_plate_has_the_moduli_of_its_frequency() -> None:
     ("change", "words"),
     [
         ({"young_GPa_at": ROWS[::-1]}, "must be rows in order of rising frequency"),
-        ({"loss_factor": 0.1}, "must be left out: the rows of young_GPa_at have their own"),
+        ({"loss_factor": 0.1}, "must be left out: young_GPa_at has its own over the frequency"),
         ({"young_GPa": 9.0}, "must lie within young_GPa_at, 2 to 4, or be left out"),
         ({"young_GPa_at": ROWS[:1]}, "young_GPa_at"),
         ({"cubic_GPa": {"C11": 3.0, "C12": 1.0, "C44": 1.0}}, "cannot be combined with young_GPa"),
+        ({"zener": ZENER["zener"]}, "zener = .* cannot be combined with young_GPa_at: one law only"),
+        ({"zener": {**ZENER["zener"], "relaxed_GPa": 5.0}, "young_GPa_at": None}, "must be relaxed_GPa = 5 or more"),
+        ({"zener": {**ZENER["zener"], "order": 1.5}, "young_GPa_at": None}, "must be a table .*, order from 0.01 to 1"),
+        ({"zener": ZENER["zener"], "young_GPa": 5.0, "young_GPa_at": None}, "must lie within zener, 1.8 to 4.5"),
     ],
 )
 def test_rows_that_no_material_can_have_are_named(change: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
-        case(METAL, RESIN | change)
+        case(METAL, {key: value for key, value in (RESIN | change).items() if value is not None})
 
 
 def test_frequencies_beyond_the_rows_are_named() -> None:
