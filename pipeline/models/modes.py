@@ -729,6 +729,29 @@ def _same(first: float, second: float) -> bool:
     return abs(first - second) <= 1e-6 * max(first, second)
 
 
+@one_thread()
+def without_supports(case: Case, request: Request, solved: PartModes, log: Log) -> PartModes | None:
+    """Solve the target mode of a solved plate without its supports, with the same reductions.
+
+    None for a plate without supports, and where the request does not look for the target mode.
+    """
+    if not isinstance(solved.model, PlateModel) or not case.design.supports or solved.target is None:
+        return None
+    free = replace(case, design=case.design.unsupported)
+    query, symmetry = with_defaults(free, request), free.target_symmetry
+    with log.step("target mode without the supports"):
+        model = PlateModel(free.design, solved.model.reductions)
+        one = _Class(free, "plate", model, symmetry, log)
+        one.ask(query)
+        target = _target(free, query, one)
+        errors = one.estimated(None)
+    part_modes = PartModes(
+        "plate", model, one.rows, {symmetry: one.vectors}, one.dof, one.rigid_count, one.count, [],
+        target=target, errors={symmetry: errors} if errors else None,
+    )  # fmt: skip
+    return _with_level_bars(free, _with_errors(_with_both(part_modes)))
+
+
 def target_lines(part_modes: PartModes, design: Design) -> list[str]:
     """Describe the target mode, its error bar, and the count."""
     said = verdict_text(part_modes.target, design) if part_modes.target else []

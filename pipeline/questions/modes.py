@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
@@ -12,7 +13,17 @@ from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, SUPPORTS, ZONES
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import CountRecord, ModeRecord, TargetMode, TargetRecord
-from pipeline.quantity import HZ, KHZ, frequency_figure, interval, several
+from pipeline.quantity import (
+    HZ,
+    KHZ,
+    frequency_figure,
+    frequency_with_bar,
+    interval,
+    level_with_bar,
+    several,
+    signed,
+    with_bar,
+)
 from pipeline.questions.late import (
     Axes,
     Case,
@@ -61,6 +72,10 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     target: TargetMode | TargetRecord | None = column(
         "target mode; None for a part or symmetry class that has none", default=None
     )
+    without_supports: TargetMode | TargetRecord | None = column(
+        "target mode of the same plate without its supports: what the mount costs; None for a plate without supports",
+        default=None,
+    )
     reduction_error: float | None = column(
         "largest truncation error, relative; None for a body that was not reduced", default=None
     )
@@ -97,6 +112,9 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         known = self.found.rivals if self.found else []
         return "; ".join(f"{frequency_figure(each.frequency_hz, each.error, HZ)} Hz" for each in known) or None
 
+    unsupported_hz = figure_at("without_supports.frequency_hz", "target mode without supports", "Hz")
+    unsupported_db = figure_at("without_supports.confinement_db", "confinement without supports", "dB")
+
     @figure("inertia count", None, name="count_check")
     def counted(self) -> str:
         """Whether the inertia count agrees with the modes found."""
@@ -109,7 +127,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return self.target if isinstance(self.target, TargetMode) else None
 
     @classmethod
-    def of_solved(cls, solved: PartModes, case: Case) -> ModesResult:
+    def of_solved(cls, solved: PartModes, case: Case, free: PartModes | None = None) -> ModesResult:
         """Return the result of solved modes.
 
         Parameters
@@ -118,6 +136,8 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             Modes of the part with their measures and error bars.
         case : Case
             The case that was solved.
+        free : PartModes, optional
+            Target mode of the plate without its supports.
 
         Returns
         -------
@@ -131,7 +151,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             ModeRecord.of(row, surface=partial(closed_surface, solved, case, place))
             for place, row in enumerate(solved.rows)
         ]
-        bar, row = None, solved.target_row
+        bar, row, loose = None, solved.target_row, free.target_part() if free else None
         if row and solved.errors is not None:
             bar = {"frequency": row.error, "confinement_db": row.confinement_error_db}
         return cls(
@@ -139,6 +159,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             count_check=solved.count_check, target=solved.target_part(), reduction_error=solved.reduction_error,
             expected_error=solved.expected_error, error_bar=bar,
             widest_bar=widest_bar(solved.rows).to_dict(), solved=solved, case=case,
+            without_supports=loose and replace(loose, index=None),
         )  # fmt: skip
 
     # -- a sequence of modes
@@ -221,6 +242,28 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             yield WidestBar(**{name: self.widest_bar[name] for name in ("error", "of", "parts")}).text()
         if self.solved:
             yield from target_lines(self.solved, self.case.design)
+        yield from self._mounted()
+
+    def _mounted(self) -> Iterator[str]:
+        """Yield the target mode without the supports, and the change by them."""
+        free, own = self.without_supports, self.found
+        if free is None:
+            return
+        if not isinstance(free, TargetMode):
+            yield "without the supports no mode has the target shape"
+            return
+        text, cost = f"without the supports: {frequency_with_bar(free.frequency_hz, free.frequency_error)}", ""
+        if own is not None:
+            both = hypot(*((each.frequency_error or 0.0) * each.frequency_hz for each in (own, free)))
+            shift = with_bar(own.frequency_hz - free.frequency_hz, both or None, "Hz")
+            cost = f"; the supports shift it by {signed(shift)}"
+        if free.confinement_db is not None:
+            text += f", {level_with_bar(free.confinement_db, free.confinement_error_db)}"
+            if own is not None and own.confinement_db is not None:
+                gained = own.confinement_db - free.confinement_db
+                both = hypot(*(each.confinement_error_db or 0.0 for each in (own, free)))
+                cost += f" and change its confinement by {signed(level_with_bar(gained, both or None))}"
+        yield text + cost
 
     def draw(self, ax: Axes) -> None:
         """Draw the confinement of each mode over frequency, target mode marked; without one, only frequencies."""
@@ -318,9 +361,11 @@ class Modes(
         )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
-        from pipeline.models.modes import solve_modes
+        from pipeline.models.modes import solve_modes, without_supports
 
-        return _answered(solve_modes(case, self.request(case), run, plan.steps[0].choice), case, run)
+        request = self.request(case)
+        solved = solve_modes(case, request, run, plan.steps[0].choice)
+        return _answered(solved, case, run, without_supports(case, request, solved, run))
 
 
 # -- in studies --------------------------------------------------------------------------------------------------------
@@ -340,7 +385,7 @@ class _InStudies(Modes):
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         """Compute the modes and keep the data that other questions use."""
-        from pipeline.models.modes import solve_modes
+        from pipeline.models.modes import solve_modes, without_supports
         from pipeline.models.target import warn_of_target
 
         solved = solve_modes(case, self.request(case), run, plan.steps[0].choice).whole_window
@@ -348,7 +393,7 @@ class _InStudies(Modes):
         run.solved["modes"] = solved
         assert solved.target
         warn_of_target(solved.target, case, run.log)
-        return ModesResult.of_solved(solved, case)
+        return ModesResult.of_solved(solved, case, without_supports(case, self.request(case), solved, run))
 
 
 class ShapesResult(Result, axes=("shape",)):
@@ -494,9 +539,9 @@ def _request(
     return Request(part, hz(band_kHz), None if near_kHz is None else KHZ * near_kHz, count, symmetry)
 
 
-def _answered(solved: PartModes, case: Case, run: Run) -> ModesResult:
+def _answered(solved: PartModes, case: Case, run: Run, free: PartModes | None = None) -> ModesResult:
     from pipeline.models.target import widest_bar
 
     run.meshes += solved.meshes
     widest_bar(solved.rows).warn(case, run)
-    return ModesResult.of_solved(solved, case)
+    return ModesResult.of_solved(solved, case, free)

@@ -27,6 +27,8 @@ from pipeline.logs import TerminalLog
 from pipeline.models.modes import solve_modes
 from pipeline.paths import ROOT
 from pipeline.planning.model_choice import Request
+from pipeline.questions.modes import Modes
+from pipeline.questions.question import ask
 from solvers.accuracy.reduction import mode_errors
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
@@ -266,3 +268,17 @@ def test_commands_that_know_no_supports_refuse_them(
     file.write_text((ROOT / "examples" / "small.toml").read_text() + support)
     assert main([words[0], *words[1:], str(file)]) == 2
     assert "[[support]]: must be left out" in capsys.readouterr().err
+
+
+def test_a_supported_plate_reports_its_target_mode_without_supports() -> None:
+    """The same figures as the same plate solved without them: the target mode is found in the same window."""
+    case = clamped_case(("solve.accuracy", 0.05), ("support.1.kind", "foam"), ("support.1.stiffness_N_per_m2", 1e6))
+    held = ask(case, Modes(), TerminalLog(True))
+    free = ask(case.but({"support": []}), Modes(), TerminalLog(True))
+    loose, target = held.without_supports, free.found
+    assert loose is not None and target is not None and free.without_supports is None
+    for name in ("frequency_hz", "confinement_db", "mac", "frequency_error", "confinement_error_db"):
+        assert getattr(loose, name) == pytest.approx(getattr(target, name), rel=1e-6)
+    assert held.found is None or abs(held.found.frequency_hz / target.frequency_hz - 1.0) > 0.01
+    (line,) = [line for line in held.lines() if line.startswith("without the supports: ")]
+    assert "confinement by" in line or held.found is None
