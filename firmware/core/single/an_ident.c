@@ -209,7 +209,7 @@ static float aim(const an_ident *ident)
 }
 
 /* Take one step towards the drive level of the fine sweep. */
-static void raise(an_ident *ident)
+static void raise_level(an_ident *ident)
 {
     const float aimed = aim(ident);
     if (aimed <= ident->level) {
@@ -254,7 +254,7 @@ static void answer_coarse(an_ident *ident, an_complex measured, float noise2)
     if (ident->index % 2u == 1u && has_found_peak(ident)) {
         ident->coarse_gain = ident->best_size / ident->level;
         ident->centre = step_of(ident, ident->best);
-        raise(ident);
+        raise_level(ident);
     } else if (ident->index >= ident->points) {
         end_coarse(ident);
     }
@@ -269,7 +269,7 @@ static void answer_raise(an_ident *ident, an_complex measured)
         return;
     }
     ident->best_size = size;
-    raise(ident);
+    raise_level(ident);
 }
 
 /* exp(j w late_s) at a point of the sweep. */
