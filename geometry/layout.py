@@ -16,6 +16,7 @@ import numpy as np
 from geometry.elements import BoolArray, FloatArray
 from geometry.lattice import Lattice
 from geometry.materials import Layer, Material, PiezoMaterial, Stack
+from geometry.outline import Outline
 from geometry.pillar_shapes import PillarShape, shape_of
 from geometry.supports import Support, are_mirrored
 
@@ -337,11 +338,13 @@ class Design:
         Length and width of a plate larger than its zone and rows; None for a plate as long as its zone that ends
         `extension_m` beyond its rows.
     centre_m : tuple of float
-        Centre (x, y) of the zone, or of all zones together, from that of the plate.
+        Centre (x, y) of the zone, or of all zones together, from that of the plate, or from the origin of an outline.
     surround : bool
         Whether rows stand on all four sides of the zone, with closed corners.
     supports : tuple of Support
         Supports of the plate; free without.
+    outline : Outline or None
+        Solid of a plate of another outline than a rectangle, whose extents are then `larger_m`.
     """
 
     length_m: float
@@ -376,6 +379,14 @@ class Design:
         return self.plate_m[0] / 2.0
 
     @property
+    def ends_m(self) -> tuple[float, float, float, float]:
+        """Rectangle x0, x1, y0, y1 about the plate, m."""
+        if self.outline:
+            return self.outline.ends_m
+        length, width = self.plate_m
+        return -length / 2.0, length / 2.0, -width / 2.0, width / 2.0
+
+    @property
     def zone_ends_m(self) -> tuple[float, float]:
         """x of both ends of the zone, m."""
         return self.centre_m[0] - self.length_m / 2.0, self.centre_m[0] + self.length_m / 2.0
@@ -384,6 +395,9 @@ class Design:
     def goes_on(self) -> tuple[bool, bool]:
         """Whether the plate goes on beyond the zone's lower and upper end along x."""
         half, (low, high) = self.half_length_m, self.zone_ends_m
+        if self.outline:
+            sides = self.centre_m[1] - self.width_m / 2.0, self.centre_m[1] + self.width_m / 2.0
+            return self.outline.goes_on(low, -1, *sides), self.outline.goes_on(high, 1, *sides)
         slack = ROUNDING * half
         return self.larger_m is not None and low > slack - half, self.larger_m is not None and high < half - slack
 
@@ -395,7 +409,8 @@ class Design:
     @property
     def zone_alone(self) -> Design:
         """The same zone and rows on a plate that ends with the zone along x and `extension_m` beyond the rows along y."""
-        return replace(self, larger_m=None, centre_m=(0.0, 0.0), surround=False) if self.larger_m else self
+        alone = {"larger_m": None, "centre_m": (0.0, 0.0), "surround": False, "outline": None}
+        return replace(self, **alone) if self.larger_m else self  # type: ignore[arg-type]
 
     def in_zone(self, points: FloatArray) -> BoolArray:
         """Mask of the points (q, 2 or 3), from the plate's centre in m, that lie in the zone about the middle, (q,)."""
@@ -427,6 +442,7 @@ class Design:
         return x - half_x, x + half_x, y - half_y, y + half_y
 
     supports: tuple[Support, ...] = ()
+    outline: Outline | None = None
 
     @property
     def stack(self) -> Stack:
@@ -550,8 +566,8 @@ class Design:
     @property
     def touch_cuts_m(self) -> tuple[float, ...]:
         """x where parts of the touch face meet, ascending, m: the ends of zone and rows within a larger plate."""
-        ends = {*self.zone_ends_m, *self.reach_m[:2]}
-        return tuple(sorted(end for end in ends if abs(end) < self.half_length_m)) if self.larger_m else ()
+        ends, (first, last) = {*self.zone_ends_m, *self.reach_m[:2]}, self.ends_m[:2]
+        return tuple(sorted(end for end in ends if first < end < last)) if self.larger_m else ()
 
     @property
     def bare_touch_m(self) -> float:
@@ -570,6 +586,7 @@ class Design:
         """True when plate and supports are their own mirror image in x = 0 and y = 0: the quarter stands for the whole."""
         pillar, centred = self.pillar if self.rows else None, not any(self.centre_m)
         alone = centred and {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_symmetric)
+        alone &= self.outline is None  # nothing is known of its mirrors
         return alone and are_mirrored(self.supports)
 
     @property

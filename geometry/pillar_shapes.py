@@ -401,6 +401,29 @@ class Tapered(Square):
 
 def _step_pillar_shape(path: str | os.PathLike[str]) -> Any:
     """The one solid of a STEP file (cadquery, mm) once it is known to stand on z = 0; errors as Step.from_file."""
+    solid = step_solid(path)
+    _check_foot(solid, Path(path))
+    return solid
+
+
+def step_solid(path: str | os.PathLike[str]) -> Any:
+    """Read the one solid of a STEP file of any length unit.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    cadquery.Solid
+        In mm.
+
+    Raises
+    ------
+    GeometryError
+        If the file is missing or unreadable, or does not hold exactly one closed, valid solid.
+    """
     file = Path(path)
     try:
         there = file.is_file()
@@ -414,7 +437,6 @@ def _step_pillar_shape(path: str | os.PathLike[str]) -> Any:
         raise GeometryError(f"{file}: the solid is not valid (self-intersecting or badly stitched faces)")
     if solid.Volume() <= 0.0:
         raise GeometryError(f"{file}: the solid has volume {solid.Volume():g} mm3, must be > 0")
-    _check_foot(solid, file)
     return solid
 
 

@@ -21,6 +21,7 @@ from geometry.elements import FloatArray, IntArray
 from geometry.errors import GeometryError, MeshError
 from geometry.layout import Design, Pillar, PillarGroup, section_names
 from geometry.materials import Stack, layer_names
+from geometry.outline import Outline
 from geometry.tiling import Panel
 
 MM = 1e3  # mm per m
@@ -337,7 +338,7 @@ def plate_solid(design: Design, mirrors: str = "") -> Body:
     GeometryError
         If the parts do not make one body or overlap, or if a pillar is not symmetric in a mirror that cuts it.
     """
-    return _assemble(design, design.plate_m, design.standing(), mirrors)
+    return _assemble(design, None if design.outline else design.plate_m, design.standing(), mirrors)
 
 
 def part_solid(design: Design, part: str) -> Body:
@@ -405,13 +406,15 @@ def cad_surface(shape: Any, deflection: float, angle: float = ANGULAR_DEFLECTION
     return _joined(corners, faces)
 
 
-def _assemble(design: Design, size_m: tuple[float, float], stands: tuple[PillarGroup, ...], mirrors: str) -> Body:
-    """Parts of the plate's material united, those of another one bonded to it."""
+def _assemble(
+    design: Design, size_m: tuple[float, float] | None, stands: tuple[PillarGroup, ...], mirrors: str
+) -> Body:
+    """Parts of the plate's material united, those of another one bonded to it; without a size on the plate's own outline."""
     with _KERNEL:
         return _united(design, size_m, stands, mirrors)
 
 
-def _united(design: Design, size_m: tuple[float, float], stands: tuple[PillarGroup, ...], mirrors: str) -> Body:
+def _united(design: Design, size_m: tuple[float, float] | None, stands: tuple[PillarGroup, ...], mirrors: str) -> Body:
     placed = [part for each in stands for part in _standing(each, design.thickness_m, mirrors)]
     stems, upper = ([part for part in placed if (part[0] == "pillar") == is_stem] for is_stem in (True, False))
     foreign = bool(stems and design.pillar and design.pillar.material != design.stack.back)
@@ -419,7 +422,7 @@ def _united(design: Design, size_m: tuple[float, float], stands: tuple[PillarGro
     stack, pillars = design.stack, [shape for _, shape in stems]
     bonds = frozenset(["pillar"] if foreign else []) | {name for name, _ in upper}
     bonds |= frozenset(stack.region_names[1:])
-    blocks = _blocks(size_m, stack, mirrors)
+    blocks = _blocks(size_m, stack, mirrors) if size_m else [cast(Outline, design.outline).solid()]
     if pillars and not foreign:  # one boolean for all: pairwise fusing grows with the square of their number
         blocks, pillars = [_one_solid(blocks[0].fuse(*pillars), "plate and pillars")], []
     shape = _share_faces([*blocks, *pillars, *(part for _, part in upper)]) if bonds else blocks[0]

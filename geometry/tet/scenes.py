@@ -256,14 +256,15 @@ def tet_plate(design: Design, edge_m: float, quarter: bool = False) -> Mesh:
 
     A whole plate is its quarter mirrored twice if its pillars are their own mirror images. If its columns are alike,
     the quarter is half a column mirrored along the zone, finer near the feet and as long as the plate is thick away
-    from them. Otherwise it is evenly fine.
+    from them. A plate of a file is meshed whole, finer near the feet. Other plates are evenly fine.
 
     Parameters
     ----------
     design : Design
         The plate as built.
     edge_m : float
-        Largest edge length in m; alike columns have FOOT times it at the feet, and at least the thickness elsewhere.
+        Largest edge length in m; FOOT times it at the feet of alike columns and of a plate of a file. Between alike
+        columns' feet edges are at least as long as the plate is thick.
     quarter : bool, optional
         Whether to keep x, y >= 0 only.
 
@@ -279,6 +280,8 @@ def tet_plate(design: Design, edge_m: float, quarter: bool = False) -> Mesh:
     MeshError
         For a rejected mesh.
     """
+    if design.outline:
+        return tet_mesh(solids.plate_solid(design), edge_m, _finer_at_feet(design, edge_m, edge_m))
     if not (quarter or design.is_mirrored):
         return tet_mesh(solids.plate_solid(design), edge_m)
     if columns := Columns.of(design):
@@ -407,11 +410,11 @@ def _graded(lines: FloatArray, edge_m: float) -> NearSegments | None:
 
 
 def _finer_at_feet(design: Design, edge_m: float, longest_m: float) -> NearSegments:
-    """Edges of FOOT edge_m at the rims of a design's feet at y >= 0, growing to longest_m away from them."""
+    """Edges of FOOT edge_m at the rims of a design's feet (y >= 0, but on an outline), growing to longest_m away from them."""
     rims = [
         _foot_rims(stand.pillar, design.thickness_m, x, y)
         for stand in design.standing()
-        for x, y in stand.centres[stand.centres[:, 1] >= 0.0]
+        for x, y in (stand.centres if design.outline else stand.centres[stand.centres[:, 1] >= 0.0])
     ]
     lines = np.concatenate([NO_LINES, *rims])
     return NearSegments(lines, *((FOOT * edge_m, longest_m) if len(lines) else (edge_m, edge_m)), AWAY)

@@ -295,22 +295,26 @@ def check_larger(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]
         yield f"plate.{other}", None, f"must accompany {given[0]}"
     placed = {"zone.centre_mm": file.zone.centre_mm, "zone.centre_y_mm": file.zone.centre_y_mm}
     placed |= {"array.surround": file.array.surround or None}
+    if "plate.length_mm" in file.faulty:  # such as that of a file that cannot be read
+        return
     if not given:
         for key, value in placed.items():
             if value is not None and not (key == "zone.centre_y_mm" and value == 0.0):
-                yield key, value, "requires a larger plate: give plate.length_mm and plate.width_mm"
+                yield key, value, "requires a larger plate: give plate.length_mm and plate.width_mm, or plate.file"
         return
     if len(given) == 1:
         return
     if placed["zone.centre_mm"] is not None and placed["zone.centre_y_mm"] is not None:
         yield "zone.centre_y_mm", file.zone.centre_y_mm, "cannot be combined with centre_mm: remove one of them"
+    sized = "file, which sets" if file.plate.file else "length_mm and width_mm, which set"
     if file.array.extension_mm:
-        text = "must be left out of a plate with length_mm and width_mm, which set its margins"
+        text = f"must be left out of a plate with {sized} its margins"
         yield "array.extension_mm", file.array.extension_mm, text
     if (file.zone.count or 1) > 1:
-        yield "zone.count", file.zone.count, "must be 1 on a plate with length_mm and width_mm"
+        yield "zone.count", file.zone.count, f"must be 1 on a plate with {sized.partition(',')[0]}"
     yield from _surrounded(file)
-    yield from _margins(file, form)
+    if not file.plate.file:  # its rims are checked against the design
+        yield from _margins(file, form)
 
 
 def _surrounded(file: Tables) -> Iterator[Diagnostic]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.quantity import MM
@@ -12,8 +13,9 @@ if TYPE_CHECKING:
     from geometry.layout import Design
 
 ZONES, LARGER, SUPPORTS, GROUPS, DEFECTS = "[[zone]]", "[plate] length_mm", "[[support]]", "[materials]", "[[defect]]"
+OUTLINE = "[plate] file"
 STRESS = "solve.temperature_C"  # of a plate whose supports hold its expansion
-OF_A_PLATE = (ZONES, LARGER, SUPPORTS, STRESS)  # of no consequence to a unit cell
+OF_A_PLATE = (ZONES, LARGER, OUTLINE, SUPPORTS, STRESS)  # of no consequence to a unit cell
 
 
 @dataclass(frozen=True)
@@ -29,9 +31,17 @@ class Feature:
 
 FEATURES = {
     LARGER: Feature(
-        lambda case: f"plate.length_mm = {case.design.larger_m[0] / MM:g}" if case.design.larger_m else "",
+        lambda case: (
+            f"plate.length_mm = {case.design.larger_m[0] / MM:g}"
+            if case.design.larger_m and not case.design.outline
+            else ""
+        ),
         "must be left out with plate.width_mm: {} supports a plate as long as its zone only"
         " (antinode modes and response support any)",
+    ),
+    OUTLINE: Feature(
+        lambda case: f"plate.file = {Path(case.design.outline.file).name}" if case.design.outline else "",
+        "{} supports rectangular plates only (modes supports any outline)",
     ),
     ZONES: Feature(
         lambda case: f"zone.count = {case.design.zones}" if case.design.zones > 1 else "",

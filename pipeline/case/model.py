@@ -17,10 +17,12 @@ from geometry.elements import FloatArray
 from geometry.fingertips import FINGERTIPS, Fingertip
 from geometry.layout import Design, Patches, Pillar, Section, antinode_places
 from geometry.materials import PIEZO_MATERIALS, Layer, Material, Stack
+from geometry.outline import Outline
 from geometry.pillar_shapes import PillarShape
 from pipeline.case.checks import one_table, span_mm
 from pipeline.case.defects import Defect, read_defects
 from pipeline.case.features import refusals
+from pipeline.case.outlines import check_outline, faults_of_boxes
 from pipeline.case.reading import (
     GLUE,
     GROUPS,
@@ -46,6 +48,7 @@ from solvers.measures.confinement import target_symmetry
 from solvers.measures.radiation import Air
 
 MAX_LISTED = 3  # largest number of patches, or pairs of them, that a message names
+DISC = np.linspace(0.0, 2.0 * pi, 64, endpoint=False)  # corners of a polygon that stands for a disc
 TOUCHING = 1e-9  # relative to the patch: boxes with a common edge do not overlap
 
 Override = str | tuple[str, Any]
@@ -216,9 +219,9 @@ class Case:
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything that influences results as plain JSON in SI; a STEP file by name and SHA-256."""
-        plain: dict[str, Any] = {
-            name: _plain(getattr(self, name)) for name in ("design", "solve", "bands", "quality_factor", "patches")
-        }
+        design, outline = replace(self.design, outline=None), self.design.outline
+        plain: dict[str, Any] = {"design": _plain(design)}
+        plain |= {name: _plain(getattr(self, name)) for name in ("solve", "bands", "quality_factor", "patches")}
         if self.tolerance:
             plain["tolerance"] = _plain(self.tolerance)
         if self.touch:
@@ -235,6 +238,9 @@ class Case:
         for key in ("graded", "graded_pitches_m", "stagger", "layers", "supports"):
             if not shape[key]:
                 del shape[key]
+        del shape["outline"]
+        if outline:
+            shape["outline"] = {"file": Path(outline.file).name, "file_sha256": outline.sha256}
         if not self.design.larger_m:
             for key in ("larger_m", "centre_m", "surround"):
                 del shape[key]
@@ -305,9 +311,9 @@ def read_touch(values: CaseValues, design: Design) -> Touch | None:
         diagnostics.add(f"touch.{given}", gap or force, f"requires touch.{other}: friction is computed from both")
     at, radius = table.at_mm, MM * table.radius_mm
     place = (MM * at[0], MM * at[1]) if at else (_middle_antinode_m(design), design.centre_m[1])
-    if "zone" in values.tables.present and (
-        abs(place[0]) + radius > design.half_length_m or abs(place[1]) + radius > design.half_span_m
-    ):
+    x0, x1, y0, y1 = design.ends_m
+    beyond = min(place[0] - x0, x1 - place[0], place[1] - y0, y1 - place[1]) < radius
+    if "zone" in values.tables.present and (beyond or not _is_on_outline(design, place, radius)):
         size = f"{design.plate_m[0] / MM:g} x {design.plate_m[1] / MM:g} mm"
         key = "at_mm" if at else "radius_mm"
         diagnostics.add(f"touch.{key}", at or table.radius_mm, f"the contact extends beyond the plate of {size}")
@@ -362,6 +368,10 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     values.diagnostics.stop()
     design = replace(_design(values), supports=supports)
     _check_losses(values, design, patches)
+    if design.outline:
+        for fault in check_outline(design, values.given):
+            values.diagnostics.add(*fault)
+        values.diagnostics.stop()
     if design.supports and {"plate", "zone"} <= values.given:
         check_places(design, values.diagnostics)
         values.diagnostics.stop()
@@ -432,15 +442,20 @@ def _check_sensors(patches: Patches, diagnostics: Diagnostics) -> None:
 def _check_places(patches: Patches, design: Design, file: Tables, diagnostics: Diagnostics) -> None:
     boxes, size = patches.boxes_m(), file.patches.size_mm
     slack = TOUCHING * max(patches.size_m)
-    half_x, half_y = design.half_length_m + slack, design.half_span_m + slack
+    x0, x1, y0, y1 = np.array(design.ends_m) + slack * np.array([-1.0, 1.0, -1.0, 1.0])
     length_mm, width_mm = design.plate_m[0] / MM, design.plate_m[1] / MM
-    if patches.size_m[1] > 2.0 * half_y or patches.size_m[0] > 2.0 * half_x:
+    if patches.size_m[1] > y1 - y0 or patches.size_m[0] > x1 - x0:
         diagnostics.add("patches.size_mm", size, f"larger than the plate of {length_mm:g} x {width_mm:g} mm")
         return
     given = [f"patches.{name}" for name in ("centres_mm", "behind_mm") if getattr(file.patches, name)]
     key = [*given, "patches.size_mm"][0]
     value = file.get(key)
-    outside = (np.abs(boxes[:, :2]) > half_x).any(axis=1) | (np.abs(boxes[:, 2:]) > half_y).any(axis=1)
+    outside = (boxes[:, 0] < x0) | (boxes[:, 1] > x1) | (boxes[:, 2] < y0) | (boxes[:, 3] > y1)
+    if design.outline and not outside.any():
+        for number in faults_of_boxes(design.outline, boxes, patches.face)[:MAX_LISTED]:
+            diagnostics.add(
+                key, value, f"patch {number} extends beyond the outline of plate.file, or over a hole of it"
+            )
     for number in np.flatnonzero(outside)[:MAX_LISTED]:
         diagnostics.add(key, value, f"patch {number} extends beyond the plate of {length_mm:g} x {width_mm:g} mm")
     for i, j in _first_overlaps(boxes, slack):
@@ -481,6 +496,12 @@ def _first_overlaps(boxes_m: FloatArray, slack: float) -> list[tuple[int, int]]:
         if len(overlaps) >= MAX_LISTED:
             break
     return overlaps[:MAX_LISTED]
+
+
+def _is_on_outline(design: Design, place: tuple[float, float], radius: float) -> bool:
+    """Whether a disc of the touch face lies on a plate of a file; True for other plates."""
+    disc = np.array(place) + radius * np.column_stack([np.cos(DISC), np.sin(DISC)])
+    return design.outline is None or not design.outline.touch.beneath(disc)
 
 
 def _fingertip(values: CaseValues) -> Fingertip:
@@ -525,17 +546,18 @@ def _design(values: Values) -> Design:
         stagger=array.stagger or False,
         layers=layers if len(layers) > 1 else (),
         **_zones(values),
-        **_around(file),
+        **_around(file, values.outline),
     )
 
 
-def _around(file: Tables) -> dict[str, Any]:
+def _around(file: Tables, outline: Outline | None) -> dict[str, Any]:
     """Return the size of a plate larger than zone and rows, and the place of the zone on it; none for other plates."""
     if file.plate.length_mm is None or file.plate.width_mm is None:
         return {}
     x, y = file.zone.centre_mm or (0.0, file.zone.centre_y_mm or 0.0)
-    larger = MM * file.plate.length_mm, MM * file.plate.width_mm
-    return {"larger_m": larger, "centre_m": (MM * x, MM * y), "surround": bool(file.array.surround)}
+    larger = outline.size_m if outline else (MM * file.plate.length_mm, MM * file.plate.width_mm)
+    placed = {"centre_m": (MM * x, MM * y), "surround": bool(file.array.surround), "outline": outline}
+    return {"larger_m": larger, **placed}
 
 
 def _air(values: Values) -> Air | None:

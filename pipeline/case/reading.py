@@ -21,6 +21,7 @@ from geometry.errors import GeometryError
 from geometry.files import read_by_command
 from geometry.layout import MAX_SECTIONS, Design
 from geometry.materials import LAWS, LIBRARY, MATERIALS, OTHER_NAMES, SPECTRA, USUAL_C, Material
+from geometry.outline import Outline
 from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline import paths
 from pipeline.case.checks import (
@@ -32,6 +33,7 @@ from pipeline.case.checks import (
     normalise_pitch,
 )
 from pipeline.case.limits import FREQUENCY_KHZ, LOSS_FACTOR, MAX_CONTRAST, MAX_LAYERS, MIN_LAYER, YOUNG_GPA, span
+from pipeline.case.outlines import read_file, sizes_mm
 from pipeline.case.schema import (
     GLUE_ALLOWED,
     LAYERS_ALLOWED,
@@ -80,8 +82,9 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "solve.near_kHz": ("solve.band_kHz",),
     "patches.centres_mm": ("patches.at",),
     "patches.at": ("patches.centres_mm",),
-    "plate.length_mm": ("array.extension_mm",),
-    "plate.width_mm": ("array.extension_mm",),
+    "plate.length_mm": ("array.extension_mm", "plate.file"),
+    "plate.width_mm": ("array.extension_mm", "plate.file"),
+    "plate.file": ("array.extension_mm", "plate.length_mm", "plate.width_mm", "plate.thickness_mm", "plate.layer"),
     "zone.centre_mm": ("zone.centre_y_mm",),
     "zone.centre_y_mm": ("zone.centre_mm",),
     **UNIFORM_ROW_KEYS,
@@ -157,6 +160,7 @@ class CaseValues:
     diagnostics: Diagnostics
     layers_mm: tuple[float, ...] = ()  # thicknesses of a plate of several layers
     glue_mm: float | None = None  # thickness of the glue between patches and plate
+    outline: Outline | None = None  # of a plate of a file
 
 
 def quoted(value: Any) -> str:
@@ -438,6 +442,7 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
     layers: tuple[float, ...] = ()
     sections: list[dict[str, Any]] = []
     glue: float | None = None
+    outline: Outline | None = None
     for key in raw:
         if key == "tip":
             diagnostics.add("tip", raw[key], f"replaced by sections: {_as_sections(raw)}")
@@ -461,12 +466,19 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
             sections = _read_sections(content, raw, materials, known, diagnostics)
             own |= sections[0] if sections else {}
             faulty |= set() if sections else {"pillar.height_mm"}
-        if table == "plate" and "layer" in content:
+        if table == "plate" and "layer" in content and "file" not in content:
             layers = _read_layers(content, materials, known, diagnostics)
             own = own | ({"thickness_mm": sum(layers)} if layers else {})
             faulty |= set() if layers else {"plate.thickness_mm"}
             if not layers:
                 continue
+        if table == "plate" and "file" in content:
+            outline, faults = read_file(content, source.parent if source is not None else Path(), raw.get("zone"))
+            _add_all(faults, diagnostics)
+            faulty |= set() if outline else {"plate.thickness_mm", "plate.length_mm", "plate.width_mm"}
+            if not outline:
+                continue
+            own = own | sizes_mm(outline)
         found[table], bad = check_table(model, own, f"{table}.", known, diagnostics)
         faulty |= bad
     for owner in MATERIAL_OWNERS:
@@ -480,7 +492,7 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
     _add_all(chain(normalise_rows(tables), normalise_pitch(tables)), diagnostics)
     rows = tuple((own, _read_shape(own, source, diagnostics)) for own in by_row(tables))
     _check_across(rows, diagnostics)
-    return CaseValues(name, tables, materials, rows, _given(raw), diagnostics, layers, glue)
+    return CaseValues(name, tables, materials, rows, _given(raw), diagnostics, layers, glue, outline)
 
 
 def _allowed(field: FieldInfo) -> str:

@@ -168,6 +168,7 @@ class PlateTable(Table):
     thickness_mm: float = positive(LENGTH_MM)
     length_mm: float | None = optional(LENGTH_MM)
     width_mm: float | None = optional(LENGTH_MM)
+    file: str | None = Field(default=None, min_length=1, description="the path of a STEP file")
     layer: None = Field(default=None, description=LAYERS_ALLOWED)  # read one by one, as their materials are
 
 

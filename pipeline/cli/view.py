@@ -168,7 +168,7 @@ def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -
 
 def of_case(arguments: Namespace) -> Scene:
     """Build the scene of a case file with CAD; with --solve, its target mode and the neighbouring modes."""
-    from pipeline.case.features import LARGER, OF_A_PLATE, SUPPORTS
+    from pipeline.case.features import LARGER, OF_A_PLATE, OUTLINE, SUPPORTS
     from pipeline.case.limits import warn_of_doubts
     from pipeline.case.model import load_case
     from pipeline.models import mode_fields, modes
@@ -176,7 +176,7 @@ def of_case(arguments: Namespace) -> Scene:
 
     case, log = load_case(arguments.target, arguments.set), TerminalLog(arguments.quiet)
     warn_of_doubts(case.design, log)
-    case.require_plate("view", (LARGER, SUPPORTS) if arguments.solve else OF_A_PLATE)
+    case.require_plate("view", (LARGER, OUTLINE, SUPPORTS) if arguments.solve else OF_A_PLATE)
     if not arguments.solve:
         return _solid(case, log)
     part_modes = modes.solve_modes(case, modes.Request("plate", symmetry=case.target_symmetry), log)

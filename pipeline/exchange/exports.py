@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
-from pipeline.case.features import LARGER, OF_A_PLATE
+from pipeline.case.features import LARGER, OF_A_PLATE, OUTLINE
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -14,6 +14,7 @@ from pipeline.records import outputs
 
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
+WHOLE = (*SOLVER_FILES, "vtu", "paraview", "xdmf")  # of modes or meshes: of plates of any outline
 ONE_FILE = ("phonopy", "paraview", "xdmf", "uff", "impedance")  # functions of `results`
 ENDINGS = {  # allowed endings of a file, the first one by default; "": common stem of several files
     "stl": (".stl",),
@@ -58,7 +59,8 @@ def _require(case: Case, form: str, part: str) -> None:
     """Raise InputError for a case that lacks what is to be written, or that the format cannot honour."""
     command = f"export {form}"
     if form != "phonopy" and part == "plate":
-        case.require_plate(command, OF_A_PLATE if form in CAD else (LARGER,))
+        own = (LARGER, OUTLINE) if form in WHOLE else (LARGER,)
+        case.require_plate(command, OF_A_PLATE if form in CAD else own)
         return
     case.refuse(command, OF_A_PLATE)
     case.require(*(("plate", "zone") if part == "zone" else ("pillar",)), command=command)

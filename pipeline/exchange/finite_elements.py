@@ -279,10 +279,11 @@ def _exchange(case: Case, part: str, log: Log, tetrahedra: bool, share: float = 
     volumes = {name.upper(): cells for name, cells in regions.items()}
     materials = {name.upper(): own[name] for name in regions}
     faces, search = _faces(mesh, facets, design, part), with_defaults(case, Request(part))
-    return _estimated(Exchange(case.name, part, mesh, facets, faces, volumes, materials, search), own, log)
+    written = Exchange(case.name, part, mesh, facets, faces, volumes, materials, search)
+    return _estimated(written, own, log, thin=part == "plate" and design.outline is not None)
 
 
-def _estimated(part_mesh: Exchange, materials: dict[str, Material], log: Log) -> Exchange:
+def _estimated(part_mesh: Exchange, materials: dict[str, Material], log: Log, thin: bool) -> Exchange:
     """Add the largest error of some modes near the request, times MARGIN; hexahedra and large meshes have no estimate."""
     mesh, search = part_mesh.mesh, part_mesh.search
     if mesh.kind != "tet" or mesh.dof > ESTIMATED_DOFS:
@@ -294,7 +295,7 @@ def _estimated(part_mesh: Exchange, materials: dict[str, Material], log: Log) ->
         pencil = model.pencil(None)
         modes = modes_near(pencil, about_hz, ESTIMATED_MODES)
         values = np.array([pencil.scale.eigenvalue(tone) for tone in modes.frequency_hz])
-        recovery = StressRecovery(mesh, materials, model.scale, bool(clamped))
+        recovery = StressRecovery(mesh, materials, model.scale, bool(clamped), thin)
         error = float(np.sum(recovery.errors(None, pencil, modes.vectors, values), axis=0).max(initial=0.0))
     ends = float(modes.frequency_hz.min()), float(modes.frequency_hz.max())
     return replace(part_mesh, error=MARGIN * error, estimated_hz=ends)
@@ -324,6 +325,7 @@ def _log_summary(part_mesh: Exchange, log: Log) -> None:
 def _mesh(case: Case, part: str, log: Log, share: float) -> Mesh:
     pillar = case.design.pillar
     boxes = part == "zone" or pillar is None or pillar.is_made_of_boxes or (part == "plate" and not case.design.rows)
+    boxes &= part != "plate" or case.design.outline is None
     check_model(replace(case, solve=case.solve.but(model="solid")), boxes)
     if boxes and case.solve.mesh != "tet":
         return hex_mesh(_boxes(case, part, log, share), 2)

@@ -143,7 +143,8 @@ def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> Mesh
     if not isinstance(model, SolidModel):
         return None
     if choice.edge_m or fine is None:
-        return StressRecovery(model.mesh, materials, model.scale, bool(CLAMPED[choice.part]))
+        thin = choice.part == "plate" and design.outline is not None
+        return StressRecovery(model.mesh, materials, model.scale, bool(CLAMPED[choice.part]), thin)
     boxes, layers = part_boxes(design, choice.part, fine, choice.quarter), fine.layers
 
     def nested(settings: HexSettings) -> Nested[SolidModel]:

@@ -328,7 +328,12 @@ def tet_cell_edge_m(design: Design, accuracy: float) -> float:
 
 
 def tet_plate_edge_m(design: Design, accuracy: float) -> float:
-    """Edge length, m, in a plate meshed whole; an accuracy finer than 1 % costs too much there."""
+    """Edge length, m, in a plate meshed whole; an accuracy finer than 1 % costs too much there.
+
+    The estimate of a plate of a file shortens its edges where needed.
+    """
+    if design.outline:
+        return _smallest_m(design) if design.rows else design.thickness_m
     smallest = _smallest_m(design) if design.rows else design.thickness_m
     return smallest / PLATE_TETRAHEDRA if accuracy >= PLATE_ACCURACY else tet_edge_m(smallest, max(accuracy, 0.01))
 

@@ -225,6 +225,7 @@ def check_model(case: Case, hexahedra: bool) -> None:
     if case.solve.mesh == HEX and not hexahedra:
         pillar = case.design.pillar
         what = f"a {pillar.shape} pillar{' with a fillet' if pillar.fillet_m else ''}" if pillar else "this scene"
+        what = "the outline of plate.file" if case.design.outline else what
         faults.append(f"solve.mesh = 'hex': must be auto or tet; hexahedra cannot follow {what}")
     if faults:
         raise InputError(f"{case.source or case.name}: {fault}" for fault in faults)
@@ -360,11 +361,14 @@ def _plate(case: Case, high_hz: float) -> ModelChoice:
     if case.solve.model == SOLID and design.supports:
         what = "must be auto or superelement: a supported plate is assembled from cells"
         raise InputError(f"{case.source or case.name}: solve.model = 'solid': {what}")
-    if case.solve.model == SOLID:
+    if design.outline and case.solve.model == SUPERELEMENT:
+        what = "must be auto or solid: a plate of plate.file is solved whole"
+        raise InputError(f"{case.source or case.name}: solve.model = 'superelement': {what}")
+    if case.solve.model == SOLID or design.outline:
         level = mesh_rules.whole_level(design, accuracy, high_hz)
         hexahedra = mesh_rules.cell_mesh(design, level) if no_cad else None
         edge = None if no_cad else mesh_rules.tet_plate_edge_m(design, accuracy)
-        why = "the case requests a solid"
+        why = "a plate of a file is solved whole" if design.outline else "the case requests a solid"
         return _choice(case, "plate", SOLID, level, hexahedra, edge, taken, why=why, table="whole")
     if design.is_staggered:
         check_stagger(case)
@@ -415,7 +419,8 @@ def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLe
         known = "" if error is None else f" (error {percent(error)} on the calibrated design)"
         mesh = f"order {hexahedra.order} with {several(hexahedra.layers, 'graded layer')}{known}"
         return (f"{accuracy} selects {mesh}; two coarser meshes estimate the error, which refines it if necessary",)
-    shape = "the case requests tetrahedra" if case.solve.mesh == TET else "hexahedra cannot follow the pillar"
+    scene = "outline" if part == "whole" and case.design.outline else "pillar"
+    shape = "the case requests tetrahedra" if case.solve.mesh == TET else f"hexahedra cannot follow the {scene}"
     return (
         shape,
         f"{accuracy} sets their edge length; stress recovery estimates the error, which shortens it if necessary",

@@ -71,7 +71,7 @@ def hexahedra(case: Case, part: str) -> Simplification | None:
     tetrahedra.
     """
     design = case.design
-    if case.solve.mesh == "tet":
+    if case.solve.mesh == "tet" or (part == "plate" and design.outline):
         return None
     shaped = {"zone": False, "pillar": True, "cell": True, "plate": bool(design.rows)}[part]
     if not shaped or all(pillar.is_made_of_boxes for pillar in design.kinds):

@@ -44,27 +44,31 @@ def footprints_mm(design: DesignRecord, centres_m: FloatArray) -> list[FloatArra
 
 def draw_outlines(axes: Axes, design: DesignRecord) -> None:
     """Draw the zone's sides within the plate (dashed) and every pillar's footprint, in mm."""
-    from matplotlib.collections import PolyCollection
+    from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patches import Rectangle
 
-    half, edge, span = design.half_length_m / MM, design.width_m / 2 / MM, design.half_span_m / MM
+    edge, (x0, x1, y0, y1) = design.width_m / 2 / MM, np.array(design.ends_m) / MM
     (x, y), reach = np.array(design.centre_m) / MM, design.length_m / 2 / MM
     for middle in design.zone_centres_m or [MM * y]:
         for side in (middle / MM - edge, middle / MM + edge):
             axes.plot([x - reach, x + reach], [side, side], **ZONE_EDGE)
         for end in (x - reach, x + reach):
-            if abs(end) < half * (1 - 1e-9):
+            if x0 + 1e-9 * reach < end < x1 - 1e-9 * reach:
                 axes.plot([end, end], [middle / MM - edge, middle / MM + edge], **ZONE_EDGE)
     feet = footprints_mm(design, np.reshape(design.pillar_centres_m, (-1, 2)))
-    axes.add_patch(Rectangle((-half, -span), 2 * half, 2 * span, fill=False, ec="#333333", lw=0.6))
+    if design.rims_m:
+        sides = [np.reshape(side, (2, 2)) / MM for side in design.rims_m]
+        axes.add_collection(LineCollection(sides, colors="#333333", lw=0.6))
+    else:
+        axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, ec="#333333", lw=0.6))
     axes.add_collection(PolyCollection(feet, facecolor="none", edgecolor="#333333", linewidth=0.45))
 
 
 def frame_plate(axes: Axes, design: DesignRecord) -> None:
     """Set the axes in mm to the bounds of the plate."""
-    half_x, half_y = design.half_length_m / MM, design.half_span_m / MM
-    rim = 0.01 * half_x
-    axes.set(xlim=(-half_x - rim, half_x + rim), ylim=(-half_y - rim, half_y + rim))
+    x0, x1, y0, y1 = np.array(design.ends_m) / MM
+    rim = 0.005 * (x1 - x0)
+    axes.set(xlim=(x0 - rim, x1 + rim), ylim=(y0 - rim, y1 + rim))
     style.mm_axes(axes)
     axes.spines[:].set_visible(False)
     axes.tick_params(length=2)

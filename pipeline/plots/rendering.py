@@ -278,9 +278,10 @@ def _corner(points: FloatArray, faces: IntArray, design: DesignRecord) -> tuple[
     middles = points[faces].mean(axis=1)
     columns = np.unique(np.reshape(design.pillar_centres_m, (-1, 2))[:, 0])
     between = (columns[1:] + columns[:-1]) / 2  # cut no pillar
-    start = design.half_length_m - CORNER_M
+    _, right, _, top = design.ends_m
+    start = right - CORNER_M
     visible = middles[:, 0] > (between[np.argmin(np.abs(between - start))] if between.size else start)
-    visible &= middles[:, 1] > min(design.width_m / 2, design.half_span_m - CORNER_M)
+    visible &= middles[:, 1] > min(design.centre_m[1] + design.width_m / 2, top - CORNER_M)
     visible |= ~visible.any()  # a mesh without such a corner is shown whole
     used, renumbered = np.unique(faces[visible], return_inverse=True)
     return points[used], renumbered.reshape(-1, faces.shape[1])
@@ -345,11 +346,9 @@ def _in_plane(case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any],
 def _extent_mm(image: Any, design: DesignRecord) -> tuple[float, float, float, float]:
     """Return left, right, lower and upper edge, mm, of a cropped picture of the plate from above."""
     height, width = image.shape[:2]
-    half_x, half_y = design.half_length_m / MM, design.half_span_m / MM
-    beyond_x, beyond_y = (
-        2.0 * MARGIN * half / (size - 2 * MARGIN) for half, size in ((half_x, width), (half_y, height))
-    )
-    return -half_x - beyond_x, half_x + beyond_x, -half_y - beyond_y, half_y + beyond_y
+    x0, x1, y0, y1 = np.array(design.ends_m) / MM
+    beyond_x, beyond_y = (MARGIN * side / (size - 2 * MARGIN) for side, size in ((x1 - x0, width), (y1 - y0, height)))
+    return x0 - beyond_x, x1 + beyond_x, y0 - beyond_y, y1 + beyond_y
 
 
 def _dimensions(design: DesignRecord, geometry: Any) -> str:

@@ -9,7 +9,7 @@ from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
-from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, SUPPORTS, ZONES
+from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, OUTLINE, SUPPORTS, ZONES
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import CountRecord, ModeRecord, TargetMode, TargetRecord
@@ -307,7 +307,7 @@ class Modes(
     Question[ModesResult],
     example="modes studies/three-rows.toml --part zone --count 14",
     at_own_frequencies=True,
-    honours=(LARGER, SUPPORTS),
+    honours=(LARGER, OUTLINE, SUPPORTS),
     aliases=("confinement",),
     pictures=("plots.rendering.report_figures", "plots.fields.touch_face", "plots.fields.neighbours"),
 ):
@@ -405,7 +405,7 @@ class ShapesResult(Result, axes=("shape",)):
     coefficients: list[list[float]] = column("coefficients of u_z", along=("shape", "function"))
 
 
-class Shapes(Question[ShapesResult], follows="modes", honours=(LARGER, SUPPORTS)):
+class Shapes(Question[ShapesResult], follows="modes", honours=(LARGER, OUTLINE, SUPPORTS)):
     """Keep the shapes of the modes nearest the target mode, its mode table and, on demand, the field of every mode."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ShapesResult:

@@ -24,6 +24,7 @@ from pipeline.records import part, store
 from solvers.measures.confinement import CONFINED_DB
 
 R = TypeVar("R", bound=part.Part)
+DRAWN = 7  # decimals of rims in m
 STATUSES = ("OK", "WARNING")  # statuses of cases with a result
 
 
@@ -109,6 +110,7 @@ class PillarRecord(Open):
 class DesignRecord(Part):
     """Design data for tables and pictures; pillar_centres_m: (x, y) from the plate's centre, row by row along y.
 
+    rims_m: sides x0, y0, x1, y1 of the polygons round the touch face of a plate of a file, whose origin places then count from.
     zone_centres_m: y of every zone if there are several. larger_m: length and width of a plate larger than zone and rows, with
     the zone's centre. If rows differ, graded_pillars and graded_widths_m (of the
     rows' strips) have one entry per row from the zone outwards, and pillar is that of the first row.
@@ -132,6 +134,16 @@ class DesignRecord(Part):
     larger_m: tuple[float, float] | None = None
     centre_m: tuple[float, float] = (0.0, 0.0)
     surround: bool = False
+    rims_m: list[tuple[float, float, float, float]] = []
+
+    @property
+    def ends_m(self) -> tuple[float, float, float, float]:
+        """Rectangle x0, x1, y0, y1 about the plate, m."""
+        if not self.rims_m:
+            return -self.half_length_m, self.half_length_m, -self.half_span_m, self.half_span_m
+        x = [place for side in self.rims_m for place in side[::2]]
+        y = [place for side in self.rims_m for place in side[1::2]]
+        return min(x), max(x), min(y), max(y)
 
     @property
     def half_length_m(self) -> float:
@@ -146,6 +158,8 @@ class DesignRecord(Part):
         if design.is_graded:
             shapes = [PillarRecord.of_pillar(pillar) for pillar in design.row_pillars]
             own |= {"graded_pillars": shapes, "graded_widths_m": design.row_pitches_m.tolist()}
+        if design.outline:
+            own["rims_m"] = design.outline.touch.segments.reshape(-1, 4).round(DRAWN).tolist()
         own["zone_centres_m"] = design.zone_centres_m.tolist() if design.zones > 1 else []
         return cls.of(design, pillar=shape, pillar_centres_m=design.pillar_centres().tolist(), **own)
 

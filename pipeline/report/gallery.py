@@ -226,9 +226,10 @@ def sketch(design: DesignRecord) -> Markup:
     """Return a sketch of plate, zone and pillars with dimensions in mm."""
     from markupsafe import Markup
 
-    length, breadth = 2.0 * design.half_length_m / MM, 2.0 * design.half_span_m / MM
+    x0, x1, low, high = (end / MM for end in design.ends_m)
+    length, breadth, y0 = x1 - x0, high - low, -high  # y points down
     scale = min(1.0, WIDE / length)
-    x0, y0, zone, long = -length / 2.0, -breadth / 2.0, design.width_m / MM, design.length_m / MM
+    zone, long = design.width_m / MM, design.length_m / MM
     x, y = design.centre_m[0] / MM, -design.centre_m[1] / MM
     side = MARGIN / scale
     letters = LETTERS * (length + 2.0 * side)
@@ -241,13 +242,22 @@ def sketch(design: DesignRecord) -> Markup:
     words = f"{length:g} × {breadth:g} × {design.thickness_m / MM:g} mm"
     return Markup(
         f'<svg class="sketch" viewBox="{box}" role="img" aria-label="Sketch of the plate: {words}">'
-        f'<rect class="plate" {PLATE} x="{x0:.2f}" y="{y0:.2f}" width="{length:.2f}" height="{breadth:.2f}"/>'
+        f"{_plate(design, x0, y0, length, breadth)}"
         f'<rect class="zone" {ZONE} x="{x - long / 2:.2f}" y="{y - zone / 2:.2f}" width="{long:.2f}" height="{zone:.2f}"/>'
         f'<path class="pillars" {PILLARS} d="{pillars}"/>'
         f'<g font-size="{letters:.2f}" text-anchor="middle">'
         f'<text x="{x:.2f}" y="{y + letters / 3:.2f}">active zone, {zone:g} mm wide</text>'
-        f'<text y="{breadth / 2 + 1.6 * letters:.2f}">{words}</text></g></svg>'
+        f'<text x="{x0 + length / 2:.2f}" y="{y0 + breadth + 1.6 * letters:.2f}">{words}</text></g></svg>'
     )
+
+
+def _plate(design: DesignRecord, x0: float, y0: float, length: float, breadth: float) -> str:
+    """The plate in a sketch: a rectangle, or the rims of its file."""
+    if not design.rims_m:
+        return f'<rect class="plate" {PLATE} x="{x0:.2f}" y="{y0:.2f}" width="{length:.2f}" height="{breadth:.2f}"/>'
+    sides = (tuple(place / MM for place in side) for side in design.rims_m)
+    path = " ".join(f"M{x:.2f} {-y:.2f}L{end:.2f} {-top:.2f}" for x, y, end, top in sides)
+    return f'<path class="plate" {PLATE} d="{path}"/>'
 
 
 def _draw_line(

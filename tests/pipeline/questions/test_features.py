@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from pipeline.case.features import DEFECTS, FEATURES, GROUPS, LARGER, OF_A_PLATE, STRESS, SUPPORTS, ZONES, refusals
+from pipeline.case.features import (
+    DEFECTS,
+    FEATURES,
+    GROUPS,
+    LARGER,
+    OF_A_PLATE,
+    OUTLINE,
+    STRESS,
+    SUPPORTS,
+    ZONES,
+    refusals,
+)
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.questions import known
@@ -18,7 +30,13 @@ from pipeline.questions.touch import Touch
 from tests.helpers.exploring import SMALL as FILE
 
 SMALL = tomllib.loads(FILE.read_text())
+PANEL = Path(__file__).resolve().parents[3] / "examples" / "housing.step"
 TABLES: dict[str, dict[str, Any]] = {
+    OUTLINE: {
+        "plate": {"file": str(PANEL)},
+        "zone": {**SMALL["zone"], "length_mm": 20.0, "width_mm": 8.0},
+        "array": {"rows": 0},
+    },
     ZONES: {"zone": [SMALL["zone"], {"shared_rows": 3}]},
     LARGER: {"plate": {**SMALL["plate"], "length_mm": 80.0, "width_mm": 60.0}, "array": {"pitch_mm": 4.0, "rows": 1}},
     SUPPORTS: {"support": [{"kind": "clamp", "edge": "y-"}]},
@@ -28,6 +46,7 @@ TABLES: dict[str, dict[str, Any]] = {
 }
 ALLOY = {"density_kg_m3": 2700.0, "young_GPa": 70.0, "poisson": 0.33}
 WORDS = {
+    OUTLINE: "plate.file = housing.step: ",
     ZONES: "zone.count = 2: ",
     LARGER: "plate.length_mm = 80: ",
     SUPPORTS: "[[support]]: ",
