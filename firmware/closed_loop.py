@@ -1,10 +1,10 @@
 """Closed loop of the single-mode build with a plate simulated in C: plates unlike the mode table, fingers that lift off.
 
-A second of the board's time takes some ten milliseconds. The rig serves studies with many runs: the tables of docs/bring-up.md,
+A second of the board's time takes some ten milliseconds. It serves studies with many runs: the tables of docs/board/loop.md,
 fault injection, fingers and drifting plates. Where host and board are compared bit for bit, tests/helpers/hosted_boards.py and
 the emulated board share a plate in Python instead.
 
-`python -m firmware.closed_loop unlike` (or `lifts`) prints a table in Markdown. docs/bring-up.md summarises the first; --write
+`python -m firmware.closed_loop unlike` (or `lifts`) prints a table in Markdown. docs/board/loop.md sums up the first; --write
 inserts the others there, between the marks that name this command. Each entry of the first is a second from rest. In the second
 a finger multiplies the damping of the plate by six, the loop adapts, and then either the damping falls linearly to that of the
 free plate, or the quality factor rises linearly, which frees the plate six times as fast at first.
@@ -41,7 +41,7 @@ TRUE_HZ, GAIN, DELAY_S, RATE_HZ = 31437.3, 0.8, 7.3e-6, 250e3
 QUALITIES = (50, 100, 200, 300, 400, 600, 1000, 1500, 2000)
 SHARE = 0.2  # of the amplitude at full drive
 SLOW_S, UNSTEADY = 5e-3, 0.05
-PAGE = Path(__file__).parent.parent / "docs" / "bring-up.md"
+PAGE = Path(__file__).parent.parent / "docs" / "board" / "loop.md"
 END = "<!-- end -->\n"
 
 ROWS = (
@@ -213,7 +213,7 @@ def table_of_unlike_plates() -> str:
 
 
 def write_into_page(command: str, text: str) -> None:
-    """Replace the part of docs/bring-up.md between the mark that names the command and the next end mark."""
+    """Replace the part of docs/board/loop.md between the mark that names the command and the next end mark."""
     mark = f"<!-- {command} -->\n"
     before, rest = PAGE.read_text().split(mark, 1)
     PAGE.write_text(before + mark + "\n" + text.rstrip() + "\n" + rest[rest.index(END) :])
@@ -425,10 +425,10 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m firmware.closed_loop", description=__doc__)
     parser.add_argument("table", choices=TABLES, help="plates unlike the mode table, fingers that leave, or steps")
-    parser.add_argument("--write", action="store_true", help="write the output to docs/bring-up.md")
+    parser.add_argument("--write", action="store_true", help="write the output to docs/board/loop.md")
     chosen = parser.parse_args(arguments)
     if chosen.write and chosen.table == "unlike":
-        parser.error("--write: docs/bring-up.md summarises this table; edit the summary there")
+        parser.error("--write: docs/board/loop.md summarises this table; edit the summary there")
     try:
         text = TABLES[chosen.table]()
     except NoCompiler as missing:

@@ -5,7 +5,7 @@ sensors (also while the level is modulated between zero and full), and one flipp
 number of the tick. On the emulated board, with the unmodified images of both builds, they are lost interrupts, failed
 sensors and flipped bits, at every 101st tick of one second (six channels: every 17th). These numbers are coprime to the
 ticks of a window and of a check of the guard, so that every phase of both occurs. --stride and --image-stride change
-them; docs/bring-up.md summarises the rows. A run takes some ten minutes on one processor.
+them; docs/board/safety.md summarises the rows. A run takes some ten minutes on one processor.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ SHARED = [
     "slow.hand.active",
     "slow.hand.posted",
     "slow.hand.trips",
-    "slow.waited",
-    "slow.finished",
+    "slow.dwell.waited",
+    "slow.dwell.finished",
     "fast.tick",
     "fast.phase",
     "fast.step",

@@ -5,7 +5,7 @@ the ratio of sensor to drive. The layout is little-endian and packed, with every
 
     header | mode x mode_count | shape x shape_count | CRC-32 (zlib) of everything before it
 
-firmware/core/an_table.c has the same offsets and bounds for the reader in C; a test compares the two.
+`python -m firmware.wire` writes the same layout and bounds for the reader in C, core/an_wire.h.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAGIC = b"ANTM"
-VERSION = 1
+VERSION = 2
 CHANNELS = 6
 PATTERNS = 8
 MAX_MODES = 16
 MAX_SHAPES = 2
+PIN_VOLTS = 1.65  # full scale at the converter's pins
 RATE_HZ = {"single": 250e3, "six": 40e3}  # of the builds
 MIN_MODE_HZ = 2000.0  # lower limit of the single-mode build: a window must hold enough of a period
 MIN_SHAPE_HZ = 350.0  # lower limit of the six-channel build: two periods must not exceed its watchdog's time
@@ -44,6 +45,7 @@ HEADER = np.dtype(
         ("target", "<u2"),
         ("sample_rate_hz", "<f4"),
         ("flags", "<u4"),
+        ("sensor_volts", "<f4"),
         ("design_hash", "V16"),
     ]
 )
@@ -55,6 +57,7 @@ MODE = np.dtype(
         ("delay_s", "<f4"),
         ("drive_limit", "<f4"),
         ("amplitude_limit", "<f4"),
+        ("metres_per_volt", "<f4"),
         ("flags", "<u4"),
         ("actuator_weights", "<c8", CHANNELS),
         ("sensor_weights", "<c8", CHANNELS),
@@ -65,6 +68,7 @@ SHAPE = np.dtype(
         ("frequency_hz", "<f4"),
         ("tau_s", "<f4"),
         ("drive_limit", "<f4"),
+        ("metres_per_volt", "<f4"),
         ("flags", "<u2"),
         ("pattern_count", "<u2"),
         ("names", "V8", PATTERNS),
@@ -87,10 +91,12 @@ ALLOWED = {
     "actuator_count": (1, CHANNELS),
     "sensor_count": (1, CHANNELS),
     "sample_rate_hz": (1e3, 1e6),
+    "sensor_volts": (1e-3, 1e3),
     "tau_s": (1e-6, 10.0),
     "delay_s": (0.0, 1e-3),
     "drive_limit": (1e-3, 1.0),
     "amplitude_limit": (1e-3, 1.0),
+    "metres_per_volt": (0.0, 1.0),
 }
 WEIGHT_HIGH = 1.0
 MATRIX_HIGH = 1e3
@@ -118,6 +124,8 @@ class Mode:
         One weight per actuator and sensor, relative to the largest.
     tau_identified, frequency_identified : bool
         Whether the value was measured, as opposed to assumed or computed.
+    metres_per_volt : float
+        Amplitude of the rms displacement in the zone per volt of amplitude at the sensor patch; 0 if unknown.
     """
 
     frequency_hz: float
@@ -130,6 +138,7 @@ class Mode:
     sensor_weights: tuple[complex, ...] = (1.0 + 0.0j,)
     tau_identified: bool = False
     frequency_identified: bool = False
+    metres_per_volt: float = 0.0
 
     @classmethod
     def from_quality_factor(cls, frequency_hz: float, quality_factor: float, **rest: Any) -> Mode:
@@ -163,6 +172,8 @@ class Shape:
         Full scale over full scale; None if not identified.
     drive_limit : float
         Fraction of full scale.
+    metres_per_volt : float
+        Displacement under a sensor per volt of amplitude at its patch, in m/V; 0 if unknown.
     """
 
     frequency_hz: float
@@ -170,6 +181,7 @@ class Shape:
     patterns: tuple[Pattern, ...]
     matrix: tuple[tuple[complex, ...], ...] | None = None
     drive_limit: float = 1.0
+    metres_per_volt: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -187,6 +199,8 @@ class ModeTable:
     shapes : tuple of Shape
     senses_displacement : bool
         Whether the sensors follow displacement (or strain) rather than velocity.
+    sensor_volts : float
+        Voltage at a sensor patch for full scale at the pin, in V: 1.65 over the gain of the conditioner.
     """
 
     sample_rate_hz: float
@@ -195,6 +209,7 @@ class ModeTable:
     target: int = 0
     shapes: tuple[Shape, ...] = ()
     senses_displacement: bool = True
+    sensor_volts: float = PIN_VOLTS
 
     @property
     def channel_counts(self) -> tuple[int, int]:
@@ -227,7 +242,8 @@ def to_bytes(table: ModeTable) -> bytes:
     sizes = HEADER.itemsize, HEADER.itemsize + modes.nbytes + shapes.nbytes + CRC_BYTES
     header[0] = (
         *(MAGIC, VERSION, *sizes, len(modes), MODE.itemsize, len(shapes), SHAPE.itemsize, *table.channel_counts),
-        *(table.target, table.sample_rate_hz, SENSES_DISPLACEMENT * table.senses_displacement, table.design_hash),
+        *(table.target, table.sample_rate_hz, SENSES_DISPLACEMENT * table.senses_displacement, table.sensor_volts),
+        table.design_hash,
     )
     for row, mode in zip(modes, table.modes, strict=True):
         _pack_mode(row, mode)
@@ -259,6 +275,7 @@ def from_bytes(data: bytes) -> ModeTable:
         target=int(header["target"]),
         shapes=tuple(_unpack_shape(row, *channels) for row in shapes),
         senses_displacement=bool(header["flags"] & SENSES_DISPLACEMENT),
+        sensor_volts=float(header["sensor_volts"]),
     )
 
 
@@ -280,7 +297,9 @@ def _whole_header(data: bytes) -> Any:
         raise TableError(f"mode table: truncated, {len(data)} bytes do not hold a header")
     header = np.frombuffer(data, HEADER, 1)[0]
     if header["version"] != VERSION:
-        raise TableError(f"mode table: version {header['version']} is not supported, this program reads {VERSION}")
+        raise TableError(
+            f"mode table: version {header['version']} is not supported, this program reads {VERSION}: export it again"
+        )
     if header["total_bytes"] != len(data):
         raise TableError(f"mode table: truncated or padded, {len(data)} bytes instead of {header['total_bytes']}")
     stated, result = int.from_bytes(data[-CRC_BYTES:], "little"), crc32(data[:-CRC_BYTES])
@@ -379,7 +398,9 @@ def _known_flags(where: str, row: Any, known: int) -> None:
         raise TableError(f"{where}: flags are {row['flags']:#x}, allowed bits {known:#x}")
 
 
-MODE_NUMBERS = [name for name in MODE.names or () if MODE[name] == np.dtype("<f4")]
+MODE_NUMBERS, SHAPE_NUMBERS = (
+    [name for name in layout.names or () if layout[name] == np.dtype("<f4")] for layout in (MODE, SHAPE)
+)
 
 
 def _pack_mode(row: Any, mode: Mode) -> None:
@@ -408,7 +429,8 @@ def _unpack_mode(row: Any, actuators: int, sensors: int) -> Mode:
 
 
 def _pack_shape(row: Any, shape: Shape) -> None:
-    row["frequency_hz"], row["tau_s"], row["drive_limit"] = shape.frequency_hz, shape.tau_s, shape.drive_limit
+    for name in SHAPE_NUMBERS:
+        row[name] = getattr(shape, name)
     row["flags"], row["pattern_count"] = MATRIX_IDENTIFIED * bool(shape.matrix), len(shape.patterns)
     matrix = np.array(shape.matrix or np.zeros((0, 0)))
     row["matrix"][: matrix.shape[0], : matrix.shape[1]] = matrix
@@ -425,11 +447,9 @@ def _unpack_shape(row: Any, actuators: int, sensors: int) -> Shape:
     named_targets = zip(_names(row), map(tuple, row["targets"][:, :sensors].tolist()), strict=False)
     matrix = tuple(map(tuple, row["matrix"][:sensors, :actuators].tolist()))
     return Shape(
-        frequency_hz=float(row["frequency_hz"]),
-        tau_s=float(row["tau_s"]),
+        **{name: float(row[name]) for name in SHAPE_NUMBERS},
         patterns=tuple(Pattern(name, targets) for name, targets in named_targets),
         matrix=matrix if row["flags"] & MATRIX_IDENTIFIED else None,
-        drive_limit=float(row["drive_limit"]),
     )
 
 
@@ -504,7 +524,8 @@ def describe(table: ModeTable) -> str:
     lines = [
         f"mode table, version {VERSION}, design {table.design_hash.hex()}",
         f"sample rate {table.sample_rate_hz:.10g} Hz, {actuators} actuator(s), {sensors} sensor(s) that follow "
-        + ("displacement" if table.senses_displacement else "velocity"),
+        + ("displacement" if table.senses_displacement else "velocity")
+        + f", full scale {table.sensor_volts:.4g} V at the patch",
     ]
     if refused := why_not_played(table):
         lines.append(f"not usable on any board: {refused}")
@@ -527,4 +548,5 @@ def _describe_mode(index: int, mode: Mode, target: bool) -> str:
         f"mode {index}{mark}: {mode.frequency_hz:.3f} Hz ({frequency}), tau {mode.tau_s * 1e3:.4g} ms, "
         f"Q {mode.quality_factor:.4g} ({tau}), gain {gain}, delay {mode.delay_s * 1e6:.3g} us, "
         f"drive at most {mode.drive_limit:.3g}, amplitude at most {mode.amplitude_limit:.3g} of full scale"
+        + (f", {1e6 * mode.metres_per_volt:.4g} um/V" if mode.metres_per_volt else "")
     )

@@ -1,22 +1,25 @@
-"""Serial protocol on the side of the host: frames, requests and replies (firmware/core/an_link.h)."""
+"""Serial protocol: frames, requests and replies, with their units and limits.
+
+`python -m firmware.wire` writes the same layouts for the firmware, core/an_wire.h, and for the docs.
+"""
 
 from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 
-from firmware.mode_table import crc32
+from firmware.mode_table import MAX_BYTES, crc32
 
 PAYLOAD_MAX = 120
 FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the first COBS code and the final zero
 REPLY = 0x80
 LOG_RECORDS = 0xC0
 BAUD = 921600
-PROTOCOL = 4  # version
+PROTOCOL = 5  # version
 
 
 class ProtocolError(ValueError):
@@ -64,22 +67,23 @@ RESULT_TEXT = {
     Result.TABLE_REFUSED: "the table was refused",
     Result.STORE_FAILED: "the table could not be stored",
 }
-TABLE_TEXT = (
-    "sound",
-    "truncated",
-    "not a mode table",
-    "of another version",
-    "of a wrong length",
-    "damaged",
-    "out of range",
-    "for the other build or another sample rate",
-)
+TABLE_RESULTS = {
+    "OK": "sound",
+    "TRUNCATED": "truncated",
+    "MAGIC": "not a mode table",
+    "WRONG_VERSION": "of another version",
+    "LENGTH": "of a wrong length",
+    "DAMAGED": "damaged",
+    "RANGE": "out of range",
+    "OTHER_BUILD": "for the other build or another sample rate",
+}
+TABLE_TEXT = tuple(TABLE_RESULTS.values())
 STATES = ("idle", "identify", "run", "fault")
 IDLE, IDENTIFY, RUN, FAULT = range(len(STATES))
 
 
 class Fault(IntFlag):
-    """Faults that the board latches (firmware/core/an_faults.h)."""
+    """Faults, one bit each. Each is latched until cleared and sets the outputs to their safe state."""
 
     TABLE = 1 << 0
     CLOCK = 1 << 1
@@ -98,6 +102,52 @@ class Fault(IntFlag):
     SHAPING = 1 << 14
     SUPPLY = 1 << 15
     MEMORY = 1 << 16
+
+
+class FaultText(NamedTuple):
+    """What a fault means, and what to check."""
+
+    meaning: str
+    check: str
+
+
+FAULTS = {
+    Fault.TABLE: FaultText("no valid mode table (not clearable)", "`antinode doctor table FILE`, upload another"),
+    Fault.CLOCK: FaultText(
+        "crystal, PLL or overdrive did not start (not clearable); the chip runs from its own oscillator, 1 % accurate, "
+        "to keep the serial line",
+        "the 8 MHz",
+    ),
+    Fault.NOT_FINITE: FaultText("a NaN or overflow was about to reach an output", "report it with the table"),
+    Fault.SENSOR_CLIPPED: FaultText(
+        "more than two samples of a window (six channels: of two) at the ends of the converter",
+        "conditioner gain, lower reference",
+    ),
+    Fault.SENSOR_OFFSET: FaultText("rest level a quarter of full scale from the middle", "bias of the conditioner"),
+    Fault.AMPLITUDE: FaultText("more motion than the table allows", "reference, table"),
+    Fault.MISMATCH: FaultText(
+        "sensor dead, stuck or reversed; drive without motion, motion without drive, or a limit cycle",
+        "sensor wire, polarity, conditioner; an unidentified filter or neighbour: `identify`",
+    ),
+    Fault.FAST_LATE: FaultText("a sample was lost, or the samples stopped", "cycles; code built without optimisation"),
+    Fault.SLOW_LATE: FaultText("the slow step missed its deadline", "cycles; code built without optimisation"),
+    Fault.IDENTIFY: FaultText(
+        "no resonance within 4 % of the computed frequency, or two too close together; six channels: decay so slow that "
+        "the dwells take over a minute",
+        "wiring, amplifier on?, table",
+    ),
+    Fault.HOST_SILENT: FaultText("the host that started it stopped talking", "cable, client"),
+    Fault.FLASH: FaultText("the table's sector could not be written", "upload again"),
+    Fault.BREAK: FaultText("the power stage let its line go, or a wire is broken", "load, dead time, wire"),
+    Fault.WATCHDOG: FaultText(
+        "a task hung and the chip was reset", "`health` gives the address of an exception; report it"
+    ),
+    Fault.SHAPING: FaultText(
+        "the six-channel matrix cannot be inverted (condition above 100)", "another frequency, off resonance"
+    ),
+    Fault.SUPPLY: FaultText("below 2.9 V", "supply"),
+    Fault.MEMORY: FaultText("a word of the program's state contradicts another", "report it"),
+}
 
 
 @dataclass(frozen=True)
@@ -134,16 +184,127 @@ U1 = Annotated[int, "u1"]
 U4 = Annotated[int, "<u4"]
 F4 = Annotated[float, "<f4"]
 C8 = Annotated[complex, "<c8"]
-IDENTIFIED, LIMITED, RETRIES, EASED = 1, 8, 16, 32  # flags of a status
 
 
-# The classes below have the layout of the replies, member by member, in SI units; amplitudes are fractions of full
-# scale.
+class Range(NamedTuple):
+    """Allowed values of a member of a request, and their unit."""
+
+    low: float
+    high: float
+    unit: str = ""
+
+
+SHARE = Range(0.0, 1.0, "of full scale")
+EVERY = Range(1, 50000)  # windows, or samples
+ANY = Range(0, 2**32 - 1)
+
+
+# The classes below have the layout of requests and replies, member by member, in SI units; amplitudes are fractions of
+# full scale.
+@dataclass(frozen=True)
+class Start:
+    """Drive the target mode; reference 0: the lowest useful level."""
+
+    reference: Annotated[float, "<f4", SHARE]
+    detuning_hz: Annotated[float, "<f4", Range(-500.0, 500.0, "Hz")] = 0.0
+
+
+@dataclass(frozen=True)
+class SixStart:
+    """Hold a pattern of the current shape; reference 0: half of the reachable one."""
+
+    pattern: Annotated[int, "<u4", ANY]
+    reference: Annotated[float, "<f4", SHARE] = 0.0
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Change the amplitude while running."""
+
+    reference: Annotated[float, "<f4", SHARE]
+
+
+@dataclass(frozen=True)
+class Sine:
+    """Modulate the amplitude between 1 and 1 - depth of the reference; up to a tenth of the window rate."""
+
+    rate_hz: Annotated[float, "<f4", Range(0.0, 500.0, "Hz")]
+    depth: Annotated[float, "<f4", Range(0.0, 1.0)]
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Start a texture from samples that follow, each lasting some windows."""
+
+    every: Annotated[int, "<u4", EVERY]
+
+
+@dataclass(frozen=True)
+class LogRequest:
+    """Start a log with one record per some windows; 0: stop it."""
+
+    every: Annotated[int, "<u4", Range(0, 2**32 - 1)]
+
+
+@dataclass(frozen=True)
+class UploadBegin:
+    """Begin the upload of a mode table."""
+
+    total_bytes: Annotated[int, "<u4", Range(1, MAX_BYTES, "bytes")]
+
+
+@dataclass(frozen=True)
+class Choose:
+    """Change to another pattern while running, or to another shape at rest."""
+
+    shape: Annotated[int, "<u4", ANY]
+    pattern: Annotated[int, "<u4", ANY]
+
+
+@dataclass(frozen=True)
+class CaptureRequest:
+    """Record inputs and outputs of all channels, one row per some samples."""
+
+    every: Annotated[int, "<u4", EVERY]
+
+
+@dataclass(frozen=True)
+class CapturedRequest:
+    """Return recorded words from one onwards."""
+
+    first: Annotated[int, "<u4", ANY]
+
+
+REQUESTS: dict[Kind, tuple[type, ...]] = {
+    Kind.START: (Start, SixStart),
+    Kind.REFERENCE: (Reference,),
+    Kind.SINE: (Sine,),
+    Kind.STREAM: (Stream,),
+    Kind.LOG: (LogRequest,),
+    Kind.UPLOAD_BEGIN: (UploadBegin,),
+    Kind.PATTERN: (Choose,),
+    Kind.CAPTURE: (CaptureRequest,),
+    Kind.CAPTURED: (CapturedRequest,),
+}  # with a payload of fixed length; UPLOAD_DATA has an offset (u4) and bytes, SAMPLES factors (u2, 65535 = 1)
+
+
+class Flag(IntFlag):
+    """Flags of a status."""
+
+    GAIN_IDENTIFIED = 1
+    TAU_IDENTIFIED = 2
+    FREQUENCY_IDENTIFIED = 4
+    LIMITED = 8
+    RETRIES = 16
+    EASED = 32
+
+
 @dataclass(frozen=True)
 class Status:
     """Status common to both builds.
 
-    choice holds the indices of shape and pattern (six-channel build); underruns counts late samples of a stream.
+    choice holds the indices of shape and pattern (six-channel build); underruns counts late samples of a stream; metres
+    is the motion at full scale of the sensor (0: the table does not give it).
     """
 
     state_number: U1
@@ -155,6 +316,7 @@ class Status:
     underruns: U4
     worst_cycles: U4
     frequency_hz: F4
+    metres: F4
 
     @property
     def state(self) -> str:
@@ -174,22 +336,22 @@ class Status:
     @property
     def identified(self) -> bool:
         """True if the mode or the matrix has been measured."""
-        return bool(self.flags & IDENTIFIED)
+        return bool(self.flags & Flag.GAIN_IDENTIFIED)
 
     @property
     def limited(self) -> bool:
         """True if the drive is at its limit and the plate does not reach the reference."""
-        return bool(self.flags & LIMITED)
+        return bool(self.flags & Flag.LIMITED)
 
     @property
     def retries(self) -> bool:
         """True in the fault state if the board will clear the fault and try again by itself."""
-        return bool(self.flags & RETRIES)
+        return bool(self.flags & Flag.RETRIES)
 
     @property
     def eased(self) -> bool:
         """True if the drive is limited to half after ten seconds at its limit."""
-        return bool(self.flags & EASED)
+        return bool(self.flags & Flag.EASED)
 
 
 @dataclass(frozen=True)
@@ -271,13 +433,14 @@ class Health:
     kept: U4
 
 
-KEPT = (
-    "not kept: this board has no backup memory",
-    "none kept from before the last reset",
-    "not used: they were measured with another table or build",
-    "in use again, from before the last reset",
-    "kept for the next reset",
-)
+KEEP_STATES = {
+    "NONE": "not kept: this board has no backup memory",
+    "EMPTY": "none kept from before the last reset",
+    "REFUSED": "not used: they were measured with another table or build",
+    "READ": "in use again, from before the last reset",
+    "WRITTEN": "kept for the next reset",
+}
+KEPT = tuple(KEEP_STATES.values())
 
 
 @dataclass(frozen=True)
@@ -326,8 +489,21 @@ Read = TypeVar("Read", Status, SingleStatus, SixStatus, Health, Record, Identity
 
 
 def layout(kind: type) -> np.dtype[Any]:
-    """Return the packed layout of a class of replies."""
-    return np.dtype([(name, *one.__metadata__) for name, one in get_type_hints(kind, include_extras=True).items()])
+    """Return the packed layout of a class of requests or replies."""
+    members = get_type_hints(kind, include_extras=True).items()
+    return np.dtype([(name, *(part for part in one.__metadata__ if type(part) is not Range)) for name, one in members])
+
+
+def limits(kind: type, name: str) -> Range:
+    """Return the allowed range of a member of a request."""
+    annotated = get_type_hints(kind, include_extras=True)[name]
+    return next(part for part in annotated.__metadata__ if type(part) is Range)
+
+
+def pack(request: object) -> bytes:
+    """Return the payload of a request."""
+    members = layout(type(request))
+    return np.array([tuple(getattr(request, name) for name in members.names or ())], members).tobytes()
 
 
 def parse(kind: type[Read], payload: bytes) -> Read:

@@ -22,7 +22,7 @@ SOURCES = {
     "capture": ("an_capture.c",),
     "texture": ("an_texture.c", "an_sine.c", "an_dds.c"),
 }
-EVA = "-eva -eva-precision 6 -eva-domains equality,symbolic-locations -eva-verbose 0 -kernel-verbose 0 -machdep gcc_x86_32"
+EVA = "-eva -eva-precision 6 -eva-domains equality,symbolic-locations -eva-verbose 0 -kernel-verbose 0 -machdep gcc_x86_32 -c11"
 SPECIAL = "-warn-special-float none"  # infinity and NaN are values, not errors, until they become integers
 ABSOLUTE = "-D__builtin_fabsf(x)=((x)>=0.0f?(x):-(x))"
 OPEN = re.compile(r"\[eva:alarm\] (.*?): Warning:\s*(.*?)(?=\n\[|\Z)", re.DOTALL)

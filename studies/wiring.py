@@ -1,4 +1,4 @@
-"""The wiring pictures of docs/bring-up.md: `python -m studies.wiring` (needs schemdraw: pip install schemdraw)."""
+"""The wiring pictures of docs/board/wiring.md: `python -m studies.wiring` (needs schemdraw: pip install schemdraw)."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware.client.client import BoardError, Client, Refused, figure
+from firmware.client.client import BoardError, Client, Refused, amplitude, figure
 from firmware.mode_table import RATE_HZ
 from firmware.protocol import PAYLOAD_MAX, PROTOCOL, Identity, Record, SingleStatus, SixStatus
 
@@ -26,6 +26,7 @@ LOOK_S = 0.1  # between two status requests, which also keep up the contact with
 DRIVING = ("identify", "run")
 WINDOW_HZ = RATE_HZ["single"] / 50  # single build: windows of 50 samples
 BAR, BAR_DB = 30, 60.0
+LOG_COLUMNS = ("window", "measured_d", "measured_q", "drive_d", "drive_q", "reference")
 LEVELS = " ▁▂▃▄▅▆▇█"
 SAMPLE_HZ = {2: RATE_HZ["single"], 12: RATE_HZ["six"]}  # by words per row
 CAPTURE_S = 2.0  # time-out without new words, in addition to the duration of a row
@@ -152,13 +153,13 @@ class ChecksFailed(RuntimeError):
 
 def start(client: Client, text: argparse.Namespace) -> None:
     """Drive the target mode and hold it."""
-    client.start(text.reference, text.detuning)
+    client.start(client.share_of(text.reference), text.detuning)
     keep_running(client, "start")
 
 
 def pattern(client: Client, text: argparse.Namespace) -> None:
     """Hold a pattern of the current shape."""
-    client.pattern(text.number, text.reference)
+    client.pattern(text.number, client.share_of(text.reference))
     keep_running(client, "pattern")
 
 
@@ -192,8 +193,8 @@ def keep_running(client: Client, action: str) -> None:
     """
     while True:
         result = client.status()
-        measured = figure(abs(result.measured), ".4f")
-        print(f"{result.state}  reference {figure(result.reference, '.4f')}  measured {measured}", flush=True)
+        reference, measured = (amplitude(share, result, ".4f") for share in (result.reference, abs(result.measured)))
+        print(f"{result.state}  reference {reference}  measured {measured}", flush=True)
         if result.state not in DRIVING and not result.retries:
             client.drives = False
             return without_fault(result, action)
@@ -229,15 +230,17 @@ def log(client: Client, text: argparse.Namespace) -> str:
     """Write a record every text.every windows to a CSV file, until a time has passed or Ctrl-C."""
     count = lost = 0
     last: Record | None = None
+    metres = client.status().metres
+    client.records.clear()  # of an earlier log
     client.log(text.every)
     try:
         with text.file.open("w", newline="") as file:
             rows = csv.writer(file)
-            rows.writerow(["window", "measured_d", "measured_q", "drive_d", "drive_q", "reference"])
+            rows.writerow([*LOG_COLUMNS, *(("measured_um", "reference_um") if metres > 0.0 else ())])
             for record in _records(client, text.seconds):
                 lost += _missing(last, record, text.every)
                 count, last = count + 1, record
-                rows.writerow(_row(record))
+                rows.writerow(_row(record, metres))
     finally:
         with suppress(BoardError, OSError):
             client.log(0)
@@ -273,7 +276,7 @@ def capture(client: Client, text: argparse.Namespace) -> str:
 
 def stream(client: Client, text: argparse.Namespace) -> None:
     """Play a sound file as the envelope of the amplitude, then stop."""
-    client.start(text.reference)
+    client.start(client.share_of(text.reference))
     while (before := client.status()).state == "identify":
         time.sleep(LOOK_S)
     without_fault(before, "stream")
@@ -355,7 +358,11 @@ def _bars(result: SingleStatus | SixStatus, traces: dict[str, str]) -> list[str]
         values |= {"measured": abs(result.measured), "drive": abs(result.drive)}
     for name, value in values.items():
         traces[name] = (traces[name] + LEVELS[round(level(value) * (len(LEVELS) - 1))])[-BAR:]
-    bars = [f"{name:10} {bar(value)} {figure(value, '.4f'):>10} {traces[name]}" for name, value in values.items()]
+    shown = {
+        name: amplitude(value, result, ".4f") if name != "drive" else figure(value, ".4f")
+        for name, value in values.items()
+    }
+    bars = [f"{name:10} {bar(value)} {shown[name]:>10} {traces[name]}" for name, value in values.items()]
     return [f"state {result.state}{faults}", *bars]
 
 
@@ -380,8 +387,9 @@ def _records(client: Client, seconds: float | None) -> Iterator[Record]:
         now = time.monotonic()
 
 
-def _row(record: Record) -> list[object]:
-    parts = (record.measured.real, record.measured.imag, record.drive.real, record.drive.imag, record.reference)
+def _row(record: Record, metres: float) -> list[object]:
+    parts = [record.measured.real, record.measured.imag, record.drive.real, record.drive.imag, record.reference]
+    parts += [1e6 * metres * share for share in (abs(record.measured), record.reference)] if metres > 0.0 else []
     return [record.window, *(figure(part, ".7g") for part in parts)]
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from importlib.util import find_spec
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from firmware.protocol import (
     BAUD,
@@ -20,22 +20,35 @@ from firmware.protocol import (
     LOG_RECORDS,
     PAYLOAD_MAX,
     REPLY,
+    REQUESTS,
     RESULT_TEXT,
     TABLE_TEXT,
     Captured,
+    CapturedRequest,
+    CaptureRequest,
+    Choose,
     Health,
     Identity,
     Kind,
+    LogRequest,
     Message,
     ProtocolError,
     Record,
+    Reference,
     Result,
+    Sine,
     SingleStatus,
+    SixStart,
     SixStatus,
+    Start,
+    Status,
+    Stream,
+    UploadBegin,
     decode,
     encode,
     nothing,
     one_byte,
+    pack,
     parse,
     parse_captured,
     parse_identity,
@@ -110,6 +123,13 @@ class Refused(BoardError):
     """The board understood a request and refused it."""
 
 
+class Level(NamedTuple):
+    """Amplitude: a fraction of full scale, or in the unit "um"."""
+
+    value: float
+    unit: str = ""
+
+
 class Client:
     """One board on a port; unanswered requests are repeated, which is safe for all of them.
 
@@ -150,6 +170,24 @@ class Client:
                 return self._accepted(kind, reply, parsed)
         raise BoardError(f"no answer to {kind.name.lower()}")
 
+    def set(self, request: object) -> None:
+        """Send one of protocol.REQUESTS; a build's own ones go through start and pattern."""
+        self.request(next(kind for kind, ones in REQUESTS.items() if type(request) in ones), pack(request))
+
+    def share_of(self, level: Level) -> float:
+        """Return a level as a fraction of the sensor's full scale. Raises ValueError if the table has no metres for it."""
+        if not level.unit:
+            return level.value
+        metres = self.status().metres
+        if not metres > 0.0:
+            raise ValueError(
+                f"{level.value:g} um: the board's table has no metres per volt; give a fraction of full scale"
+            )
+        share = 1e-6 * level.value / metres
+        if share > 1.0:
+            raise ValueError(f"{level.value:g} um: must be at most {1e6 * metres:.4g} um with the board's table")
+        return share
+
     def status(self) -> SingleStatus | SixStatus:
         """Read the status, which also counts as contact with the host."""
         return self.request(Kind.STATUS, parsed=parse_status)
@@ -180,16 +218,16 @@ class Client:
         if not isinstance(status, SixStatus):
             raise Refused("pattern: this board runs the single-mode image")
         if status.state == "run":
-            self.request(Kind.PATTERN, struct.pack("<II", status.choice[0], number))
+            self.set(Choose(status.shape, number))
             if reference > 0.0:
                 self.reference(reference)
         else:
-            self._drive(Kind.START, struct.pack("<If", number, reference))
+            self._drive(Kind.START, pack(SixStart(number, reference)))
 
     def choose(self, shape: int) -> None:
         """Select another shape of a six-channel board, and with it another frequency; only when idle."""
         if shape != self.shape():
-            self.request(Kind.PATTERN, struct.pack("<II", shape, 0))
+            self.set(Choose(shape, 0))
 
     def shape(self) -> int:
         """Read the index of the current shape of a six-channel board."""
@@ -206,7 +244,7 @@ class Client:
         detuning_hz : float, optional
             Offset of the drive from the resonance, in Hz.
         """
-        self._drive(Kind.START, struct.pack("<ff", reference, detuning_hz))
+        self._drive(Kind.START, pack(Start(reference, detuning_hz)))
 
     def stop(self) -> None:
         """Return to rest."""
@@ -219,15 +257,15 @@ class Client:
 
     def reference(self, level: float) -> None:
         """Change the amplitude while running, as a fraction of the sensor's full scale."""
-        self.request(Kind.REFERENCE, struct.pack("<f", level))
+        self.set(Reference(level))
 
     def sine(self, rate_hz: float, depth: float) -> None:
         """Modulate the amplitude sinusoidally between 1 and 1 - depth of the reference."""
-        self.request(Kind.SINE, struct.pack("<ff", rate_hz, depth))
+        self.set(Sine(rate_hz, depth))
 
     def stream(self, every: int) -> None:
         """Start a texture from samples that follow, each lasting every windows."""
-        self.request(Kind.STREAM, struct.pack("<I", every))
+        self.set(Stream(every))
 
     def samples(self, factors: list[float]) -> int:
         """Add factors from 0 to 1 to the stream; return the number accepted."""
@@ -236,19 +274,19 @@ class Client:
 
     def log(self, every: int) -> None:
         """Start a log with one record per `every` windows, read by take_records; 0 stops it."""
-        self.request(Kind.LOG, struct.pack("<I", every))
+        self.set(LogRequest(every))
 
     def capture(self, every: int) -> None:
         """Start a capture of all inputs and outputs, one row per `every` samples, until the board's memory is full."""
-        self.request(Kind.CAPTURE, struct.pack("<I", every))
+        self.set(CaptureRequest(every))
 
     def captured(self, start: int) -> Captured:
         """Read a part of the capture, from a word onwards."""
-        return self.request(Kind.CAPTURED, struct.pack("<I", start), parse_captured)
+        return self.request(Kind.CAPTURED, pack(CapturedRequest(start)), parse_captured)
 
     def upload(self, table: bytes) -> None:
         """Write another mode table to the board's flash memory, with the outputs at rest."""
-        self.request(Kind.UPLOAD_BEGIN, struct.pack("<I", len(table)))
+        self.set(UploadBegin(len(table)))
         piece = PAYLOAD_MAX - 4
         for offset in range(0, len(table), piece):
             self.request(Kind.UPLOAD_DATA, struct.pack("<I", offset) + table[offset : offset + piece])
@@ -378,6 +416,11 @@ def figure(value: float, digits: str) -> str:
     return format(value, digits) if math.isfinite(value) else "not finite"
 
 
+def amplitude(share: float, status: Status, digits: str = ".4g") -> str:
+    """Format an amplitude in um, or as a fraction of full scale if the table has no metres per volt."""
+    return f"{figure(1e6 * share * status.metres, digits)} um" if status.metres > 0.0 else figure(share, digits)
+
+
 @contextmanager
 def _in_words(kind: Kind) -> Iterator[None]:
     """Turn a ProtocolError into a BoardError that names the request."""
@@ -402,7 +445,7 @@ def _single_lines(status: SingleStatus) -> list[str]:
         f"mode {figure(status.frequency_hz, '.3f')} Hz, tau {figure(status.tau_s * 1e3, '.4g')} ms, gain {gain}, "
         f"delay {figure(status.delay_s * 1e6, '.3g')} us, neighbours up to {figure(status.neighbour, '.3g')}",
         *([_sweep(status)] if status.motion else []),
-        f"reference {figure(status.reference, '.4g')}, measured {figure(abs(status.measured), '.4g')}, "
+        f"reference {amplitude(status.reference, status)}, measured {amplitude(abs(status.measured), status)}, "
         f"drive {figure(abs(status.drive), '.4g')}, offset {figure(status.offset, '.3g')} of full scale",
         f"worst fast interrupt {status.worst_cycles} cycles of 720",
     ]
@@ -414,10 +457,10 @@ def _sweep(status: SingleStatus) -> str:
 
 def _six_lines(status: SixStatus) -> list[str]:
     matrix = f"condition {figure(status.condition, '.3g')}" if status.identified else "not measured yet"
-    sensors = ", ".join(figure(abs(z), ".4g") for z in status.sensors)
+    sensors = ", ".join(amplitude(abs(z), status) for z in status.sensors)
     return [
         f"shape {status.choice[0]} at {figure(status.frequency_hz, '.3f')} Hz, matrix {matrix}, pattern {status.choice[1]}",
-        f"reference {figure(status.reference, '.4g')}, at most {figure(status.reachable, '.4g')}; "
+        f"reference {amplitude(status.reference, status)}, at most {amplitude(status.reachable, status)}; "
         f"sensors {sensors} of full scale",
         f"worst fast interrupt {status.worst_cycles} cycles of 4500",
     ]

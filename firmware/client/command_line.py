@@ -13,8 +13,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from firmware.client import actions
-from firmware.client.client import BoardError, Client, NotHere, SerialPort, describe, describe_health, describe_identity
-from firmware.mode_table import from_bytes, to_bytes
+from firmware.client.client import (
+    BoardError,
+    Client,
+    Level,
+    NotHere,
+    SerialPort,
+    describe,
+    describe_health,
+    describe_identity,
+)
+from firmware.mode_table import ALLOWED, from_bytes, to_bytes
+from firmware.protocol import EVERY, Reference, Sine, Start, limits
 
 EPILOG = """examples: python -m firmware.client /dev/ttyACM0 start 0.1
           python -m firmware.client watch            (the only board plugged in)
@@ -49,9 +59,20 @@ def whole(low: int, high: int) -> Callable[[str], int]:
     return parsed
 
 
-finite = number(-1e9, 1e9)  # far beyond any value that the board accepts
-share = number(0.0, 1.0)
-count = whole(1, 50000)  # duration in windows or samples
+def within(kind: type, name: str) -> Callable[[str], float]:
+    """Make an argparse type for a member of a request."""
+    return number(*limits(kind, name)[:2])
+
+
+def level(text: str) -> Level:
+    """Parse an amplitude: a fraction of full scale, or micrometres with their unit."""
+    value = text.removesuffix("um").removesuffix("µm")
+    if value == text:
+        return Level(within(Reference, "reference")(text))
+    return Level(number(0.0, 1e3)(value.strip()), "um")
+
+
+count = whole(*(int(limit) for limit in EVERY[:2]))  # duration in windows or samples
 index = whole(0, 999_999_999)  # of a pattern or shape
 
 
@@ -60,11 +81,13 @@ def table_of(text: argparse.Namespace) -> bytes:
     try:
         data: bytes = text.file.read_bytes()
         table, limit = from_bytes(data), text.drive_limit
-        if limit is None:
-            return data
-        modes = tuple(replace(mode, drive_limit=limit) for mode in table.modes)
-        shapes = tuple(replace(shape, drive_limit=limit) for shape in table.shapes)
-        return to_bytes(replace(table, modes=modes, shapes=shapes))
+        if text.sensor_volts is not None:
+            table = replace(table, sensor_volts=text.sensor_volts)
+        if limit is not None:
+            modes = tuple(replace(mode, drive_limit=limit) for mode in table.modes)
+            shapes = tuple(replace(shape, drive_limit=limit) for shape in table.shapes)
+            table = replace(table, modes=modes, shapes=shapes)
+        return to_bytes(table)
     except OSError as error:
         raise ValueError(f"{text.file}: {error.strerror}") from None
     except ValueError as error:
@@ -90,12 +113,19 @@ class Action(NamedTuple):
     values: tuple[Argument, ...] = ()
 
 
-LEVEL = argument("reference", type=share, metavar="REFERENCE", help="amplitude, 0 to 1 of the sensor's full scale")
-ANY_LEVEL = argument("reference", nargs="?", default=0.0, **LEVEL[1])
+LEVEL = argument(
+    "reference", type=level, metavar="REFERENCE", help="amplitude: 1.5um, or 0 to 1 of the sensor's full scale"
+)
+ANY_LEVEL = argument("reference", nargs="?", default=Level(0.0), **LEVEL[1])
 NUMBER = argument("number", type=index, metavar="NUMBER", help="counted from 0")
 SECONDS = argument("--seconds", type=number(1e-3, 1e6), metavar="S", help="duration in seconds (default: until Ctrl-C)")
 DETUNING = argument(
-    "detuning", type=finite, nargs="?", default=0.0, metavar="DETUNING_HZ", help="offset from the resonance, Hz"
+    "detuning",
+    type=within(Start, "detuning_hz"),
+    nargs="?",
+    default=0.0,
+    metavar="DETUNING_HZ",
+    help="offset from the resonance, Hz",
 )
 
 ACTIONS = {
@@ -146,12 +176,17 @@ ACTIONS = {
     "stop": Action("return to rest", actions.stop),
     "clear": Action("leave the fault state", lambda client, text: client.clear()),
     "reference": Action(
-        "change the amplitude while running", lambda client, text: client.reference(text.reference), (LEVEL,)
+        "change the amplitude while running",
+        lambda client, text: client.reference(client.share_of(text.reference)),
+        (LEVEL,),
     ),
     "sine": Action(
         "modulate the amplitude between 1 and 1 - DEPTH of the reference",
         lambda client, text: client.sine(text.rate, text.depth),
-        (argument("rate", type=finite, metavar="HZ"), argument("depth", type=share, metavar="DEPTH")),
+        (
+            argument("rate", type=within(Sine, "rate_hz"), metavar="HZ"),
+            argument("depth", type=within(Sine, "depth"), metavar="DEPTH"),
+        ),
     ),
     "stream": Action(
         "start, play a sound file as the amplitude (-1: zero, 1: the reference), stop",
@@ -169,10 +204,16 @@ ACTIONS = {
             argument("file", type=Path, metavar="FILE"),
             argument(
                 "drive_limit",
-                type=finite,
+                type=number(*ALLOWED["drive_limit"]),
                 nargs="?",
                 metavar="DRIVE_LIMIT",
                 help="drive limit of all modes, 0.001 to 1",
+            ),
+            argument(
+                "--sensor-volts",
+                type=number(*ALLOWED["sensor_volts"]),
+                metavar="V",
+                help="amplitude at the sensor patch for full scale at the pin: 1.65 over the conditioner's gain",
             ),
         ),
     ),

@@ -2,12 +2,10 @@
 
 #include "an_bytes.h"
 #include "an_clear.h"
-#include "an_faults.h"
+#include "an_wire.h"
 
 #define AN_FULL_DRIVE_S 10.0f
 #define AN_FADE_S 0.5f /* longest time between a stop and rest */
-
-enum { HASH_AT = 32, HASH_BYTES = 16 };
 
 void an_application_boot(an_application *app, float sample_rate_hz, uint32_t faults)
 {
@@ -203,29 +201,31 @@ static uint8_t *put_identity(const an_application *app, const an_build *build, u
 {
     const an_table *table = build->table(app);
     const bool known = (app->supervisor.faults & AN_FAULT_TABLE) == 0u;
-    at = an_put8(at, AN_PROTOCOL);
-    at = an_put8(at, build->number);
-    at = an_put8(at, AN_TABLE_VERSION);
-    at = an_put8(at, known ? build->entries(table) : 0u);
-    for (uint32_t i = 0u; i < HASH_BYTES; i++) {
-        at = an_put8(at, known ? table->data[HASH_AT + i] : 0u);
+    an_identity identity;
+    an_clear(&identity, sizeof identity);
+    identity.protocol = AN_PROTOCOL;
+    identity.build_number = build->number;
+    identity.table_version = AN_TABLE_VERSION;
+    if (known) {
+        identity.count = (uint8_t)build->entries(table);
+        an_get_object(identity.design, table->data + offsetof(an_header_row, design_hash), sizeof identity.design);
     }
-    return at;
+    return an_put_object(at, &identity, sizeof identity);
 }
 
-uint32_t an_application_flags(const an_application *app, bool limited)
+void an_application_status(const an_application *app, const an_build *build, uint32_t flags, an_status *status)
 {
-    return (limited ? (uint32_t)AN_STATUS_LIMITED : 0u) | (app->retry.waits ? (uint32_t)AN_STATUS_RETRIES : 0u) |
-           (app->eased ? (uint32_t)AN_STATUS_EASED : 0u);
-}
-
-uint8_t *an_application_put_counts(const an_application *app, uint32_t window, uint8_t *at)
-{
-    at = an_put32(at, app->supervisor.faults);
-    at = an_put32(at, app->supervisor.first);
-    at = an_put32(at, window);
-    at = an_put32(at, app->texture.underruns);
-    return an_put32(at, app->worst_cycles);
+    const an_moment now = build->moment(app);
+    const uint32_t own = (now.limited ? (uint32_t)AN_STATUS_LIMITED : 0u) |
+                         (app->retry.waits ? (uint32_t)AN_STATUS_RETRIES : 0u) |
+                         (app->eased ? (uint32_t)AN_STATUS_EASED : 0u);
+    status->state_number = (uint8_t)app->supervisor.state;
+    status->flags = (uint8_t)(flags | own);
+    status->fault_bits = app->supervisor.faults;
+    status->first_bits = app->supervisor.first;
+    status->windows = now.window;
+    status->underruns = app->texture.underruns;
+    status->worst_cycles = app->worst_cycles;
 }
 
 bool an_application_may_refer(float reference)
@@ -235,22 +235,23 @@ bool an_application_may_refer(float reference)
 
 static an_result set_reference(an_application *app, const an_build *build, const an_message *request)
 {
-    const float reference = an_get_float(request->payload);
-    if (!an_application_may_refer(reference)) {
+    an_reference_request given;
+    an_get_object(&given, request->payload, sizeof given);
+    if (!an_application_may_refer(given.reference)) {
         return AN_BAD_VALUE;
     }
     if (app->supervisor.state != AN_STATE_RUN) {
         return AN_NOT_NOW;
     }
-    build->set_reference(app, reference);
+    build->set_reference(app, given.reference);
     return AN_OK;
 }
 
 static an_result set_sine(an_application *app, const an_build *build, const an_message *request)
 {
-    const float rate_hz = an_get_float(request->payload);
-    const float depth = an_get_float(request->payload + 4);
-    return an_texture_sine(&app->texture, rate_hz, depth, build->moment(app).window_hz) ? AN_OK : AN_BAD_VALUE;
+    an_sine_request given;
+    an_get_object(&given, request->payload, sizeof given);
+    return an_texture_sine(&app->texture, given.rate_hz, given.depth, build->moment(app).window_hz) ? AN_OK : AN_BAD_VALUE;
 }
 
 /* Reply with the number of samples accepted. */
@@ -283,27 +284,8 @@ static an_result check_table(const an_application *app, const an_build *build, c
     return found == AN_TABLE_OK ? result_of(writable) : an_protocol_refuse(reply, found);
 }
 
-/* Check the payload length of a request. Samples come in any number; each build checks its own requests. */
-static bool has_its_length(const an_message *request)
-{
-    switch (request->kind) {
-    case AN_START:
-    case AN_PATTERN:
-        return true;
-    case AN_SINE:
-        return request->length == 8u;
-    case AN_REFERENCE:
-    case AN_STREAM:
-        return request->length == 4u;
-    case AN_SAMPLES:
-        return request->length > 0u && request->length % 2u == 0u;
-    default:
-        return request->length == 0u;
-    }
-}
-
-static an_result handle(an_application *app, const an_build *build, const an_message *request, const an_table *staged,
-                        an_message *reply)
+an_result an_application_handle_request(an_application *app, const an_build *build, const an_message *request,
+                                        const an_table *staged, an_message *reply)
 {
     uint8_t *more = reply->payload + 1;
     switch (request->kind) {
@@ -333,10 +315,4 @@ static an_result handle(an_application *app, const an_build *build, const an_mes
     default:
         return build->handle_request(app, request);
     }
-}
-
-an_result an_application_handle_request(an_application *app, const an_build *build, const an_message *request,
-                                        const an_table *staged, an_message *reply)
-{
-    return has_its_length(request) ? handle(app, build, request, staged, reply) : AN_BAD_VALUE;
 }

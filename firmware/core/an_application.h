@@ -104,11 +104,8 @@ bool an_application_clear(an_application *app, const an_build *build);
 an_result an_application_handle_request(an_application *app, const an_build *build, const an_message *request,
                                         const an_table *staged, an_message *reply);
 
-/* Flags of a status common to both builds. */
-uint32_t an_application_flags(const an_application *app, bool limited);
-
-/* Write the faults and counts common to every status reply. */
-uint8_t *an_application_put_counts(const an_application *app, uint32_t window, uint8_t *at);
+/* Fill in a status as far as both builds share it, with the build's own flags; not choice, frequency and metres. */
+void an_application_status(const an_application *app, const an_build *build, uint32_t flags, an_status *status);
 
 /* True for a reference from 0 to 1. */
 bool an_application_may_refer(float reference);

@@ -49,19 +49,21 @@ static inline uint8_t *an_put32(uint8_t *at, uint32_t value)
     return at + 4;
 }
 
-static inline uint8_t *an_put_float(uint8_t *at, float value)
+/* Copy an object whose layout is that of the bytes (an_wire.h), of any alignment. */
+static inline uint8_t *an_put_object(uint8_t *at, const void *object, size_t bytes)
 {
-    union {
-        float value;
-        uint32_t bits;
-    } number;
-    number.value = value;
-    return an_put32(at, number.bits);
+    const uint8_t *from = object;
+    for (size_t i = 0u; i < bytes; i++) {
+        at[i] = from[i];
+    }
+    return at + bytes;
 }
 
-static inline uint8_t *an_put_complex(uint8_t *at, an_complex z)
+static inline void an_get_object(void *object, const uint8_t *at, size_t bytes)
 {
-    return an_put_float(an_put_float(at, z.re), z.im);
+    an_put_object(object, at, bytes);
 }
+
+_Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "objects are copied as they are");
 
 #endif

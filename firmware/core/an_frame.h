@@ -6,10 +6,9 @@
 #ifndef AN_FRAME_H
 #define AN_FRAME_H
 
-#include "an_types.h"
+#include "an_wire.h"
 
 enum {
-    AN_PAYLOAD_MAX = 120,
     AN_FRAME_CONTENT = AN_PAYLOAD_MAX + 6,
     AN_FRAME_BYTES = AN_FRAME_CONTENT + 2 /* encoded, including the final zero */
 };

@@ -9,14 +9,6 @@
 
 enum { AN_KEEP_VALUES_MAX = 300, AN_KEEP_HEADER_BYTES = 16, AN_KEEP_BYTES = AN_KEEP_HEADER_BYTES + AN_KEEP_VALUES_MAX };
 
-typedef enum {
-    AN_KEEP_NONE,    /* the board has no backup memory */
-    AN_KEEP_EMPTY,   /* no valid values, as after a loss of power */
-    AN_KEEP_REFUSED, /* the values belong to another table or build */
-    AN_KEEP_READ,    /* the values from before the reset are in use */
-    AN_KEEP_WRITTEN  /* new values have been saved */
-} an_keep_state;
-
 /* Save at most AN_KEEP_VALUES_MAX bytes of values to memory (AN_KEEP_BYTES). */
 void an_keep_write(uint8_t *memory, uint32_t build, const an_table *table, const uint8_t *values, uint32_t length);
 

@@ -5,7 +5,7 @@
 #include "an_clear.h"
 #include "an_crc.h"
 
-enum { LOG_RECORD = 4 + 4 * AN_LOG_FLOATS, CAPTURE_WORDS = 56 };
+enum { LOG_RECORD = sizeof(an_record), CAPTURE_WORDS = 56 };
 _Static_assert(6 + 2 * CAPTURE_WORDS <= AN_PAYLOAD_MAX, "a reply holds its words");
 _Static_assert(LOG_RECORD * AN_LOG_PER_FRAME <= AN_PAYLOAD_MAX, "a log frame holds its records");
 
@@ -20,7 +20,7 @@ void an_link_init(an_link *link, an_application *app, const an_build *build, an_
 
 static an_result begin_upload(an_link *link, const an_message *request)
 {
-    const uint32_t length = request->length == 4u ? an_get32(request->payload) : 0u;
+    const uint32_t length = an_get32(request->payload);
     if (length == 0u || length > AN_TABLE_MAX_BYTES) {
         return AN_BAD_VALUE;
     }
@@ -32,9 +32,6 @@ static an_result begin_upload(an_link *link, const an_message *request)
 /* A piece received twice is acknowledged twice: the first acknowledgement may have been lost. */
 static an_result take_piece(an_link *link, const an_message *request)
 {
-    if (request->length < 5u) {
-        return AN_BAD_VALUE;
-    }
     const uint32_t offset = an_get32(request->payload);
     const uint32_t length = request->length - 4u;
     if (offset > link->staged_length || length > link->staged_target || offset > link->staged_target - length) {
@@ -74,30 +71,23 @@ static an_result end_upload(an_link *link, const an_message *request, an_message
 
 static an_result set_log(an_link *link, const an_message *request)
 {
-    if (request->length != 4u) {
-        return AN_BAD_VALUE;
-    }
     link->log_every = an_get32(request->payload);
     link->log_waited = 0u;
     link->log.length = 0u;
     return AN_OK;
 }
 
-static an_result report_health(const an_link *link, const an_message *request, an_message *reply)
+static an_result report_health(const an_link *link, an_message *reply)
 {
-    uint8_t *at = reply->payload + 1;
-    for (uint32_t i = 0u; i < AN_HEALTH_WORDS; i++) {
-        at = an_put32(at, link->health[i]);
-    }
-    reply->length = (uint32_t)(at - reply->payload);
-    return request->length == 0u ? AN_OK : AN_BAD_VALUE;
+    an_put_object(reply->payload + 1, &link->health, sizeof link->health);
+    reply->length = 1u + sizeof link->health;
+    return AN_OK;
 }
 
 /* The payload gives the number of samples per row. */
 static an_result begin_capture(an_link *link, const an_message *request)
 {
-    const uint32_t every = request->length == 4u ? an_get32(request->payload) : 0u;
-    return an_capture_begin(link->capture, every) ? AN_OK : AN_BAD_VALUE;
+    return an_capture_begin(link->capture, an_get32(request->payload)) ? AN_OK : AN_BAD_VALUE;
 }
 
 /* Reply with the number of words so far and in total, the words per row, and the words from the requested index
@@ -105,9 +95,6 @@ static an_result begin_capture(an_link *link, const an_message *request)
 static an_result report_captured(const an_link *link, const an_message *request, an_message *reply)
 {
     const an_capture *capture = link->capture;
-    if (request->length != 4u) {
-        return AN_BAD_VALUE;
-    }
     const uint32_t used = an_capture_used(capture);
     uint8_t *at = an_put16(an_put16(reply->payload + 1, used), capture->total);
     at = an_put8(at, capture->row);
@@ -121,6 +108,9 @@ static an_result report_captured(const an_link *link, const an_message *request,
 
 static an_result answer(an_link *link, const an_message *request, an_message *reply)
 {
+    if (!an_protocol_has_its_length(request)) {
+        return AN_BAD_VALUE;
+    }
     switch (request->kind) {
     case AN_UPLOAD_BEGIN:
         return begin_upload(link, request);
@@ -131,7 +121,7 @@ static an_result answer(an_link *link, const an_message *request, an_message *re
     case AN_LOG:
         return set_log(link, request);
     case AN_HEALTH:
-        return report_health(link, request, reply);
+        return report_health(link, reply);
     case AN_CAPTURE:
         return begin_capture(link, request);
     case AN_CAPTURED:
@@ -227,23 +217,15 @@ void an_link_stored(an_link *link, bool done)
     send_and_keep(link, &reply, AN_UPLOAD_END, link->store_sequence, done ? AN_OK : AN_STORE_FAILED);
 }
 
-static void add_record(an_message *log, uint32_t window, const float *record)
-{
-    uint8_t *at = an_put32(log->payload + log->length, window);
-    for (uint32_t i = 0u; i < AN_LOG_FLOATS; i++) {
-        at = an_put_float(at, record[i]);
-    }
-    log->length += LOG_RECORD;
-}
-
-void an_link_log(an_link *link, uint32_t window, const float *record)
+void an_link_log(an_link *link, const an_record *record)
 {
     if (link->log_every == 0u || ++link->log_waited < link->log_every) {
         return;
     }
     link->log_waited = 0u;
     if (link->log.length + LOG_RECORD <= AN_PAYLOAD_MAX) {
-        add_record(&link->log, window, record);
+        an_put_object(link->log.payload + link->log.length, record, sizeof *record);
+        link->log.length += LOG_RECORD;
     }
     if (link->log.length == LOG_RECORD * AN_LOG_PER_FRAME && link->out_length == 0u) {
         link->log.kind = AN_LOG_RECORDS;

@@ -37,7 +37,7 @@ typedef struct {
     uint32_t staged_length;
     uint32_t staged_target;
     an_last_request last;
-    uint32_t health[AN_HEALTH_WORDS];
+    an_health health;
     bool store_target; /* asks the board to store the staged table and then to call an_link_stored */
     uint8_t store_sequence;
     uint32_t log_every; /* windows per record; 0: no log */
@@ -53,7 +53,7 @@ void an_link_feed(an_link *link, uint8_t byte);
 /* Report whether the staged table was stored. */
 void an_link_stored(an_link *link, bool done);
 
-/* Add a record of AN_LOG_FLOATS numbers to the log; called once per window. */
-void an_link_log(an_link *link, uint32_t window, const float *record);
+/* Add a record to the log; called once per window. */
+void an_link_log(an_link *link, const an_record *record);
 
 #endif

@@ -13,6 +13,7 @@ typedef struct {
     float delay_s;
     float drive_limit;
     float amplitude_limit;
+    float metres; /* at full scale of the sensor, 0: unknown */
 } an_mode;
 
 #endif

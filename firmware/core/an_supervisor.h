@@ -6,11 +6,9 @@
 #ifndef AN_SUPERVISOR_H
 #define AN_SUPERVISOR_H
 
-#include "an_faults.h"
+#include "an_wire.h"
 #include "an_handover.h"
 #include "an_types.h"
-
-typedef enum { AN_STATE_IDLE, AN_STATE_IDENTIFY, AN_STATE_RUN, AN_STATE_FAULT } an_state;
 
 typedef enum {
     AN_ACT_NONE,

@@ -8,36 +8,7 @@
 
 #include "an_mode.h"
 #include "an_types.h"
-
-enum {
-    AN_TABLE_VERSION = 1,
-    AN_CHANNELS = 6,
-    AN_PATTERNS = 8,
-    AN_TABLE_MODES = 16,
-    AN_TABLE_SHAPES = 2,
-    AN_NAME_BYTES = 8,
-    AN_TABLE_HEADER_BYTES = 48,
-    AN_TABLE_MODE_BYTES = 128,
-    AN_TABLE_SHAPE_BYTES = 752,
-    AN_TABLE_CRC_BYTES = 4,
-    AN_TABLE_MAX_BYTES = AN_TABLE_HEADER_BYTES + AN_TABLE_MODES * AN_TABLE_MODE_BYTES +
-                         AN_TABLE_SHAPES * AN_TABLE_SHAPE_BYTES + AN_TABLE_CRC_BYTES
-};
-
-typedef enum {
-    AN_TABLE_OK,
-    AN_TABLE_TRUNCATED,
-    AN_TABLE_MAGIC,
-    AN_TABLE_WRONG_VERSION,
-    AN_TABLE_LENGTH,
-    AN_TABLE_DAMAGED,
-    AN_TABLE_RANGE,
-    AN_TABLE_OTHER_BUILD /* valid, but for the other build or another sample rate */
-} an_table_result;
-
-enum { AN_GAIN_IDENTIFIED = 1, AN_TAU_IDENTIFIED = 2, AN_FREQUENCY_IDENTIFIED = 4 };
-enum { AN_MATRIX_IDENTIFIED = 1 };
-enum { AN_SENSES_DISPLACEMENT = 1 };
+#include "an_wire.h"
 
 typedef struct {
     const uint8_t *data;
@@ -49,12 +20,14 @@ typedef struct {
     uint32_t target;
     uint32_t flags;
     float sample_rate_hz;
+    float sensor_volts;
 } an_table;
 
 typedef struct {
     float frequency_hz;
     float tau_s;
     float drive_limit;
+    float metres; /* at full scale of a sensor, 0: unknown */
     uint32_t flags;
     uint32_t pattern_count;
 } an_shape_head;

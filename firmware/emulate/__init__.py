@@ -123,8 +123,8 @@ def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardR
     board = EmulatedSingle(image.elf, plate)
     board.run(2e-3)
     board.start()
-    swept = board.state == IDENTIFY
     board.run_until(lambda: board.state != IDENTIFY, 20.0)
+    swept = board.app.base.measured > 0
     board.app.slow.reference = 0.0
     board.run(10.0 * board.app.mode.tau_s)
     mode, before = board.app.mode, len(board.reports)
@@ -185,6 +185,7 @@ def six_run(table: bytes, plate: Structure, patterns: int, seconds: float) -> ND
                 board.call("an_six_change", board.symbol("app"), pattern)
             else:
                 board.start(pattern)
+                board.run_until(lambda: board.state != IDENTIFY, 60.0)
             board.run(seconds)
             _check_runs(board)
             drives.append(board.drives)

@@ -131,18 +131,25 @@ def table_of(case: Case, frequencies_hz: list[float], qualities: Sequence[float 
     return ModeTable(SAMPLE_RATE_HZ, design_hash(case.to_dict()), modes, kept.index(target))
 
 
-def table_with_gains(case: Case, gains: ModalGains) -> ModeTable:
-    """Table of the patched plate with open sensors and gains in V/V at the patches.
+def metres_per_volt(forced: ForcedPlate, gains: ModalGains) -> float:
+    """Rms of u_z in the zone over the voltage of the first open sensor, at the target mode's resonance; 0 without voltage."""
+    curve = forced.curve(gains.frequency_hz[[gains.target]])
+    volts = float(np.abs(curve.sensor_v_per_v[0, 0]))
+    return float(curve.zone_rms_m_per_v[0]) / volts if volts > 0.0 else 0.0
+
+
+def table_with_gains(case: Case, gains: ModalGains, metres: float = 0.0) -> ModeTable:
+    """Table of the patched plate with open sensors and gains in V/V at the patches; metres: per volt of the sensor.
 
     The gains assume that amplifier and conditioner multiply to one. They include the droop of the hold; its delay is a field
     of its own. PA4 drives the patches of positive sign, PA5, which gives the inverse, the others.
     """
     kept = _nearest(gains.frequency_hz.tolist(), gains.target)
-    modes = tuple(_patched_mode(gains, i) for i in kept)
+    modes = tuple(_patched_mode(gains, i, metres if i == gains.target else 0.0) for i in kept)
     return ModeTable(SAMPLE_RATE_HZ, design_hash(case.to_dict()), modes, kept.index(gains.target))
 
 
-def _patched_mode(gains: ModalGains, index: int) -> Mode:
+def _patched_mode(gains: ModalGains, index: int, metres: float) -> Mode:
     frequency_hz = float(gains.frequency_hz[index])
     gain = complex(gains.gain[index, 0] * abs(hold(frequency_hz, SAMPLE_RATE_HZ)))
     too_small = max(abs(gain.real), abs(gain.imag)) < GAIN[0]
@@ -156,6 +163,7 @@ def _patched_mode(gains: ModalGains, index: int) -> Mode:
         drive_limit=DRIVE_LIMIT,
         actuator_weights=_weights(by_actuator),
         sensor_weights=_weights(gains.gain[index, :CHANNELS]),
+        metres_per_volt=metres,
     )
 
 
@@ -210,7 +218,7 @@ def write_gains(
     if near_hz is None or not plate.band_hz[0] < near_hz < plate.band_hz[1]:
         plate = _about_target(case, plate, log)
     gains = modal_gains(plate, near_hz)
-    table = table_with_gains(case, gains)
+    table = table_with_gains(case, gains, metres_per_volt(plate, gains))
     _log_summary(case, gains, table, log)
     return write(table, folder, stem)
 
@@ -253,6 +261,8 @@ def _log_summary(case: Case, gains: ModalGains, table: ModeTable, log: Log) -> N
             f"mode table: gain {figure(abs(mode.gain))} V/V at {angle} degrees (computed at {frequency(mode.frequency_hz)} "
             "with the patches on, without amplifier and conditioner); the board measures it again"
         )
+    if mode.metres_per_volt:
+        log.info(f"mode table: {figure(1e6 * mode.metres_per_volt)} um rms in the zone per volt of the sensor")
     for sign, pin in ((1.0, "PA4"), (-1.0, "PA5")):
         group = [str(patch) for patch, has in zip(case.patches.drivers, gains.signs, strict=True) if has == sign]
         if group:

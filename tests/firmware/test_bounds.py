@@ -39,7 +39,7 @@ def test_no_path_is_longer_than_allowed(compiler: dict[str, Path], variant: str,
     assert image.bound(compiler[variant], routine) <= ALLOWED[variant][routine]
 
 
-PAGE = Path(__file__).parents[2] / "docs" / "bring-up.md"
+PAGE = Path(__file__).parents[2] / "docs" / "board" / "loop.md"
 COLUMNS = {"zig": 1, "arm-none-eabi-gcc": 2}
 
 

@@ -152,7 +152,7 @@ def test_a_table_that_the_board_would_refuse_is_not_built_in(
     [
         (b"nonsense", "another kind of file"),
         (to_bytes(TABLE)[:-1], "truncated"),
-        (to_bytes(TABLE)[:-1] + b"x", "damaged"),
+        (to_bytes(TABLE)[:-1] + bytes([to_bytes(TABLE)[-1] ^ 1]), "damaged"),
     ],
 )
 def test_a_damaged_table_is_refused_in_one_line(tmp_path: Path, capsys, content: bytes, words: str) -> None:

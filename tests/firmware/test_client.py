@@ -69,8 +69,9 @@ def test_upload_with_another_drive_limit(board, capsys, tmp_path: Path) -> None:
     (tmp_path / "table.bin").write_bytes(TABLE)
     assert command_line.main(["COM7", "upload", str(tmp_path / "table.bin"), "0.1"]) == 0
     assert math.isclose(board.app.mode.drive_limit, 0.1, rel_tol=1e-6)
-    assert command_line.main(["COM7", "upload", str(tmp_path / "table.bin"), "1.5"]) == 2
-    assert "drive_limit is 1.5, allowed 0.001 to 1" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        command_line.main(["COM7", "upload", str(tmp_path / "table.bin"), "1.5"])
+    assert "'1.5': must be a number from 0.001 to 1" in capsys.readouterr().err
 
 
 def test_a_drive_limit_reaches_every_mode_and_shape(tmp_path: Path) -> None:
@@ -79,9 +80,11 @@ def test_a_drive_limit_reaches_every_mode_and_shape(tmp_path: Path) -> None:
     shape = Shape(2e3, 1e-2, (Pattern("all", (1.0,)),))
     table = ModeTable(40e3, bytes(16), (MODE_40K, MODE_40K), shapes=(shape,))
     (tmp_path / "table.bin").write_bytes(to_bytes(table))
-    text = argparse.Namespace(file=tmp_path / "table.bin", drive_limit=0.25)
+    text = argparse.Namespace(file=tmp_path / "table.bin", drive_limit=0.25, sensor_volts=0.33)
     changed = from_bytes(command_line.table_of(text))
     assert {mode.drive_limit for mode in changed.modes} == {shape.drive_limit for shape in changed.shapes} == {0.25}
+    assert changed.sensor_volts == pytest.approx(0.33)
+    changed = replace(changed, sensor_volts=table.sensor_volts)
     one = replace(changed, modes=tuple(replace(mode, drive_limit=1.0) for mode in changed.modes))
     whole = replace(one, shapes=tuple(replace(shape, drive_limit=1.0) for shape in one.shapes))
     assert to_bytes(whole) == to_bytes(table)
@@ -126,7 +129,7 @@ def test_a_sound_reaches_the_board_in_time(board, capsys, tmp_path: Path) -> Non
 
 def test_identity_and_health_are_told(board, capsys) -> None:
     assert command_line.main(["COM7", "identity"]) == 0
-    assert f"build single, protocol {PROTOCOL}, table version 1: 1 modes" in capsys.readouterr().out
+    assert f"build single, protocol {PROTOCOL}, table version 2: 1 modes" in capsys.readouterr().out
     assert command_line.main(["COM7", "health"]) == 0
     out = capsys.readouterr().out
     assert "clock 180 MHz, consecutive watchdog resets 0" in out and "exception" not in out

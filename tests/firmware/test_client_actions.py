@@ -172,6 +172,24 @@ def test_the_health_is_told() -> None:
     assert "exception" not in describe_health(type(Client(FakePort()).health())(*[0] * 11)) and len(HEALTH) == 44
 
 
+def test_amplitudes_are_in_micrometres_where_the_table_has_metres(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys
+) -> None:
+    """4 um at full scale: 1 um is a quarter of it, and 5 um are refused before anything is sent."""
+    status = single_status(reference=0.25, metres=4e-6)
+    port = FakePort(status=status)
+    assert run(monkeypatch, port, "reference", "1um") == 0
+    assert "reference 1 um, measured 0 um" in capsys.readouterr().out
+    sent = [request.payload for request in port.requests if request.kind == Kind.REFERENCE]
+    assert sent == [struct.pack("<f", 0.25)]
+    assert run(monkeypatch, FakePort(status=status), "reference", "5µm") == 2
+    assert "5 um: must be at most 4 um with the board's table" in capsys.readouterr().err
+    assert run(monkeypatch, FakePort(), "start", "1um") == 2
+    assert "1 um: the board's table has no metres per volt; give a fraction" in capsys.readouterr().err
+    assert run(monkeypatch, FakePort(status=status), "watch", "--seconds", "0.01") == 0
+    assert "1.0000 um" in capsys.readouterr().out
+
+
 class Logging(FakePort):
     """Sends records with every status: those of windows 10, 20, 30, 60."""
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware import protocol
-from firmware.protocol import KEPT, PROTOCOL, Fault, Kind, Message, Result, decode, encode
+from firmware import protocol, wire
+from firmware.protocol import Fault, Kind, Message, decode, encode
 
 payloads = st.binary(max_size=protocol.PAYLOAD_MAX)
 
@@ -40,21 +40,35 @@ def written(core, message: Message) -> bytes:
     return bytes(out)[:length]
 
 
-def test_numbers_are_those_of_the_firmware(core) -> None:
-    for kind in Kind:
-        assert getattr(core.lib, f"AN_{kind.name}") == kind
-    for fault in Fault:
-        assert getattr(core.lib, f"AN_FAULT_{fault.name}") == fault
-    assert (len(Fault), PROTOCOL) == (core.lib.AN_FAULT_COUNT, core.lib.AN_PROTOCOL)
-    assert (0, len(KEPT) - 1, 11) == (core.lib.AN_KEEP_NONE, core.lib.AN_KEEP_WRITTEN, core.lib.AN_HEALTH_WORDS)
-    for result in Result:
-        assert getattr(core.lib, f"AN_{result.name}") == result
-    assert core.lib.AN_REPLY == protocol.REPLY
-    assert core.lib.AN_LOG_RECORDS == protocol.LOG_RECORDS
-    assert core.lib.AN_PAYLOAD_MAX == protocol.PAYLOAD_MAX
-    assert len(protocol.TABLE_TEXT) - 1 == core.lib.AN_TABLE_OTHER_BUILD
-    for name in ("TABLE", "CLOCK", "MISMATCH", "FAST_LATE", "HOST_SILENT", "SUPPLY"):
-        assert protocol.fault_names(getattr(core.lib, f"AN_FAULT_{name}")) == (name.lower().replace("_", " "),)
+def test_header_and_page_are_written_from_the_definitions() -> None:
+    """`python -m firmware.wire` writes both."""
+    assert wire.HEADER.read_text() == wire.header()
+    page = wire.PAGE.read_text()
+    assert page == wire.with_tables(page)
+
+
+@pytest.mark.parametrize("kind", wire.REPLIES, ids=lambda kind: kind.__name__)
+def test_replies_have_the_structure_of_the_firmware(core, kind: type) -> None:
+    """Each member at the same offset, in Python and in C."""
+
+    def offsets(given, start: int = 0) -> dict[str, int]:
+        found: dict[str, int] = {}
+        for name, member in given.fields:
+            found |= offsets(member.type, member.offset) if name == "head" else {name: start + member.offset}
+        return found
+
+    row = protocol.layout(kind)
+    structure = core.ffi.typeof(f"an_{wire.snake(kind.__name__)}")
+    assert core.ffi.sizeof(structure) == row.itemsize
+    assert offsets(structure) == {name: offset for name, (_, offset) in row.fields.items()}
+
+
+def test_every_fault_and_request_is_explained(core) -> None:
+    assert list(protocol.FAULTS) == list(Fault) and len(Fault) == core.lib.AN_FAULT_COUNT
+    for ones in protocol.REQUESTS.values():
+        assert len({protocol.layout(one).itemsize for one in ones}) == 1  # the firmware checks one length
+        for one in ones:
+            assert set(protocol.layout(one).names) == {name for name, _ in wire._ranges(one)}
 
 
 @given(kind=st.integers(0, 255), sequence=st.integers(0, 255), payload=payloads)

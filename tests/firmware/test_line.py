@@ -12,7 +12,7 @@ import pytest
 
 from firmware.client.client import BoardError, Client
 from firmware.emulate.plant import Plate, Resonance
-from firmware.mode_table import MAX_BYTES, Mode, ModeTable, Pattern, Shape, hold, seal, to_bytes
+from firmware.mode_table import MAX_BYTES, VERSION, Mode, ModeTable, Pattern, Shape, hold, seal, to_bytes
 from firmware.protocol import PROTOCOL, Kind, Message, decode, encode
 
 TRUE, GAIN = 31437.3, 0.8
@@ -41,7 +41,7 @@ def talk(make_image, core):
 
 def test_identity_and_status(talk) -> None:
     _, client = talk()
-    assert client.request(Kind.IDENTITY, parsed=bytes) == bytes([PROTOCOL, 1, 1, 1, *range(16)])
+    assert client.request(Kind.IDENTITY, parsed=bytes) == bytes([PROTOCOL, 1, VERSION, 1, *range(16)])
     status = client.status()
     assert status.state == "idle" and status.faults == ()
     assert status.frequency_hz == pytest.approx(TRUE, abs=4e-3)
@@ -75,7 +75,7 @@ def test_refusals_say_why(talk) -> None:
     with pytest.raises(BoardError, match="present state"):
         client.clear()
     with pytest.raises(BoardError, match="does not support"):
-        client.request(Kind.PATTERN)
+        client.request(Kind.PATTERN, bytes(8))
 
 
 def test_a_silent_host_stops_the_drive(talk) -> None:
@@ -195,7 +195,7 @@ def test_a_table_is_refused_while_the_supply_is_low(talk) -> None:
     [
         (OTHER[:-1] + b"\0", "damaged"),
         (OTHER[:4] + b"\x09" + OTHER[5:], "another version"),
-        (seal(OTHER[:48] + struct.pack("<f", -1.0) + OTHER[52:-4]), "out of range"),
+        (seal(OTHER[:52] + struct.pack("<f", -1.0) + OTHER[56:-4]), "out of range"),
         (b"\xff" * 100, "not a mode table"),
         (bytes(4000), "out of range"),
     ],

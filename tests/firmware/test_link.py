@@ -103,9 +103,9 @@ def test_a_capture_fills_its_room_and_stops(core, name, table, rate_hz, row: int
 def test_log_frames_hold_four_records_and_wait_for_the_line(core) -> None:
     linked = Linked(core, "single", SINGLE, 250e3)
     linked.ask(encode(Message(Kind.LOG, 1, struct.pack("<I", 2))))
-    record = core.ffi.new("float []", [0.5, -0.5, 0.25, 0.0, 0.125])
+    values = {"measured": {"re": 0.5, "im": -0.5}, "drive": {"re": 0.25, "im": 0.0}, "reference": 0.125}
     for window in range(16):
-        core.lib.an_link_log(linked.link, window, record)
+        core.lib.an_link_log(linked.link, core.ffi.new("an_record *", values | {"window": window}))
     frame = decode(bytes(linked.link.out)[: linked.link.out_length - 1])
     assert len(frame.payload) == 4 * 24
     assert [struct.unpack_from("<I", frame.payload, at)[0] for at in range(0, 96, 24)] == [1, 3, 5, 7]
@@ -179,7 +179,9 @@ def test_health_is_told_in_its_order_and_a_repeated_request_is_answered_alike(
     core, name, table, rate_hz, other
 ) -> None:
     linked = Linked(core, name, table, rate_hz)
-    linked.link.health = list(range(1, core.lib.AN_HEALTH_WORDS + 1))
+    linked.link.health = dict(
+        zip((field for field, _ in core.ffi.typeof("an_health").fields), range(1, 12), strict=True)
+    )
     health = parse(Health, answer(linked, Kind.HEALTH)[1:])
     assert (health.watchdog_resets, health.core_hz, health.stack_unused) == (1, 6, 10)
     linked.window()

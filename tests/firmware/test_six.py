@@ -20,7 +20,7 @@ from firmware.injection import (
     image_rows,
     sensor_kinds,
 )
-from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
+from firmware.mode_table import VERSION, Mode, ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, PROTOCOL, RUN, Fault, Kind
 
 TIM1, TIM8 = 0x40010000, 0x40010400
@@ -132,7 +132,7 @@ def test_confinement_left_middle_and_right_and_a_travelling_wave(hosted) -> None
             assert board.lib.an_six_change(board.app, pattern)
         board.run(0.5)
         assert board.state == RUN, (pattern, board.faults)
-        target = board.app.slow.reference * np.array(PATTERNS[pattern].targets)
+        target = board.app.slow.reference * piloted(PATTERNS[pattern])
         assert np.abs(board.measured - target).max() < 0.02 * np.abs(target).max()
         field = field_of(board, at_m)
         if zone is not None:
@@ -389,10 +389,10 @@ def test_neither_a_finger_nor_warmth_is_a_fault(hosted, change) -> None:
     for i in range(1, 11):
         become(board, change(BEAM.structure, i / 10))
         board.run(5e-3)
-    early = np.abs(board.measured - 0.1 * np.array(PATTERNS[0].targets)).max()
+    early = np.abs(board.measured - 0.1 * piloted(PATTERNS[0])).max()
     board.run(0.8)
     assert board.state == RUN, board.faults
-    assert np.abs(board.measured - 0.1 * np.array(PATTERNS[0].targets)).max() < 0.03 * 0.1
+    assert np.abs(board.measured - 0.1 * piloted(PATTERNS[0])).max() < 0.03 * 0.1
     assert early > 0.03 * 0.1 or change is warmed
 
 
@@ -499,7 +499,7 @@ def test_pattern_over_the_line_on_the_emulated_board(make_six, core) -> None:
 
     board = make_six(table(matrix=seen_matrix()))
     client = Client(EmulatedPort(board))
-    assert client.request(Kind.IDENTITY, parsed=bytes)[:4] == bytes([PROTOCOL, 6, 1, 1])
+    assert client.request(Kind.IDENTITY, parsed=bytes)[:4] == bytes([PROTOCOL, 6, VERSION, 1])
     client.request(Kind.START, struct.pack("<If", 1, 0.15))
     for _ in range(2):
         board.run(0.2)

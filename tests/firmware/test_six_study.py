@@ -50,6 +50,7 @@ def board(request, model, make_image, core):
 
         made = EmulatedSix(make_image(table, "six").elf, structure(model))
     made.run(5e-3)
+    made.app.base.confirmed = True
     return made
 
 

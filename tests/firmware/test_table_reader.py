@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from firmware import mode_table as layout
+from firmware import wire
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, TableError, from_bytes, to_bytes
 
 SIX = (0.5 + 0j, 0.5 - 0.25j, 0.5 - 0.5j, 0.5 - 0.75j, 0.125j, -1.0 + 0j)
@@ -22,11 +23,12 @@ TABLE = ModeTable(
     250e3,
     bytes(range(16)),
     (
-        Mode(31404.5, 0.0029296875, None, 2.0**-18, 0.75, 0.5, SIX, SIX),
+        Mode(31404.5, 0.0029296875, None, 2.0**-18, 0.75, 0.5, SIX, SIX, metres_per_volt=2.0**-20),
         Mode(31e3, 0.0039, 0.5 - 0.75j, 0.0, 1, 1, SIX, SIX),
     ),
     target=1,
-    shapes=(SHAPE, dataclasses.replace(SHAPE, matrix=None)),
+    shapes=(SHAPE, dataclasses.replace(SHAPE, matrix=None, metres_per_volt=2.0**-19)),
+    sensor_volts=0.5,
 )
 SMALL = ModeTable(250e3, bytes(16), (Mode(31404.5, 0.003),))
 
@@ -38,9 +40,12 @@ def opened(core, data: bytes) -> int:
 
 def test_sizes_and_versions_are_those_of_the_exporter(core) -> None:
     lib = core.lib
-    assert layout.HEADER.itemsize == lib.AN_TABLE_HEADER_BYTES
-    assert layout.MODE.itemsize == lib.AN_TABLE_MODE_BYTES
-    assert layout.SHAPE.itemsize == lib.AN_TABLE_SHAPE_BYTES
+    for name, row in wire.ROWS.items():
+        kind = core.ffi.typeof(f"an_{name}_row")
+        assert core.ffi.sizeof(kind) == row.itemsize
+        assert {field: member.offset for field, member in kind.fields} == {
+            field: offset for field, (_, offset) in row.fields.items()
+        }
     assert lib.AN_TABLE_MAX_BYTES == layout.MAX_BYTES
     assert lib.AN_TABLE_VERSION == layout.VERSION
     assert lib.AN_CHANNELS == layout.CHANNELS
@@ -55,7 +60,9 @@ def test_every_value_is_read_where_it_was_written(core) -> None:
     assert (table.mode_count, table.shape_count, table.target, table.sample_rate_hz) == (2, 2, 1, 250e3)
     assert core.lib.an_table_mode(table, 0, mode) == 0
     assert (mode.frequency_hz, mode.tau_s, mode.delay_s) == (31404.5, 0.0029296875, 2.0**-18)
-    assert (mode.drive_limit, mode.amplitude_limit) == (0.75, 0.5)
+    assert (mode.drive_limit, mode.amplitude_limit, mode.metres) == (0.75, 0.5, 2.0**-21)
+    core.lib.an_table_shape(table, 1, head)
+    assert head.metres == 2.0**-20
     assert core.lib.an_table_mode(table, 1, mode) == core.lib.AN_GAIN_IDENTIFIED
     assert complex(mode.gain.re, mode.gain.im) == 0.5 - 0.75j
     core.lib.an_table_shape(table, 0, head)
@@ -95,11 +102,11 @@ def test_refusals_are_told_apart(core) -> None:
     data, lib = to_bytes(SMALL), core.lib
     assert opened(core, b"") == lib.AN_TABLE_TRUNCATED
     assert opened(core, b"\xff" * 500) == lib.AN_TABLE_MAGIC
-    assert opened(core, data[:4] + b"\x02\x00" + data[6:]) == lib.AN_TABLE_WRONG_VERSION
+    assert opened(core, data[:4] + b"\x01\x00" + data[6:]) == lib.AN_TABLE_WRONG_VERSION
     assert opened(core, data[:-1]) == lib.AN_TABLE_TRUNCATED
     assert opened(core, data[:12] + b"\x02" + data[13:]) == lib.AN_TABLE_LENGTH
     assert opened(core, data[:60] + bytes([data[60] ^ 1]) + data[61:]) == lib.AN_TABLE_DAMAGED
-    assert opened(core, layout.seal(data[:48] + struct.pack("<f", -1.0) + data[52:-4])) == lib.AN_TABLE_RANGE
+    assert opened(core, layout.seal(data[:52] + struct.pack("<f", -1.0) + data[56:-4])) == lib.AN_TABLE_RANGE
 
 
 SPECIAL = [struct.pack("<f", x) for x in (0.0, -1.0, 1.0, 1e-30, 1e30, float("nan"), float("inf"), -float("inf"))]

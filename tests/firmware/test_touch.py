@@ -246,7 +246,7 @@ def test_a_drive_that_moves_nothing_is_noticed_within_four_milliseconds(make, se
 
 
 def test_most_moments_of_a_swinging_level_are_decided_within_100_us(core) -> None:
-    """Seven in eight, where noise and a finger's damping leave one in fifty that no rule could decide (docs/bring-up.md)."""
+    """Seven in eight, where noise and a finger's damping leave one in fifty that no rule could decide (docs/board/loop.md)."""
     rig = injection.held(swings=True)
     seen, tau_s = rig.windows(0.2), tau_of(300.0)
     damping = np.geomspace(0.06, 24.0, 50)[:, None]

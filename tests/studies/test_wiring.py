@@ -11,7 +11,7 @@ import pytest
 from solvers.shaping.voltages import filter_for
 from studies import licences, wiring
 
-PAGE = wiring.FOLDER.parent / "bring-up.md"
+PAGE = wiring.FOLDER.parent / "board" / "wiring.md"
 
 
 @pytest.mark.parametrize("name", wiring.PICTURES)
@@ -23,7 +23,7 @@ def test_the_committed_picture_is_what_the_script_draws(name: str) -> None:
     assert (wiring.FOLDER / f"{name}.svg").read_bytes() == picture, (
         "run `python -m studies.wiring` and look at the picture"
     )
-    assert f"(pictures/{name}.svg)" in PAGE.read_text()
+    assert f"(../pictures/{name}.svg)" in PAGE.read_text()
 
 
 def test_each_pin_is_in_its_picture_by_number_and_role() -> None:

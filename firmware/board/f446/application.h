@@ -35,7 +35,7 @@ uint32_t application_check(void);
 /* Start, as requested by the button. */
 void application_start(void);
 
-void application_record(float *record);
+an_record application_record(void);
 
 /* Prepare a capture for this build's channels; the fast interrupt fills it. */
 void application_capture(an_capture *capture);

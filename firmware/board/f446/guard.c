@@ -1,6 +1,6 @@
 #include "guard.h"
 
-#include "an_faults.h"
+#include "an_wire.h"
 #include "application.h"
 #include "board.h"
 #include "registers.h"

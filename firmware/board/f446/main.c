@@ -1,6 +1,6 @@
 /* Main loop of both builds. */
 #include "an_button.h"
-#include "an_faults.h"
+#include "an_wire.h"
 #include "an_link.h"
 #include "application.h"
 #include "board.h"
@@ -43,32 +43,31 @@ static void store_staged(void)
 static void serve_line(void)
 {
     static uint32_t logged;
-    float record[AN_LOG_FLOATS];
     line_serve(&line);
     if (line.store_target) {
         store_staged();
     }
     if (application_answers() != logged) {
         logged = application_answers();
-        application_record(record);
-        an_link_log(&line, logged, record);
+        const an_record record = application_record();
+        an_link_log(&line, &record);
     }
 }
 
 static void update_health(uint32_t main_cycles)
 {
     const board_record *record = record_get();
-    uint32_t *health = line.health;
-    health[AN_HEALTH_RESETS] = record->watchdog_resets;
-    health[AN_HEALTH_EXCEPTION] = record->exception;
-    health[AN_HEALTH_PC] = record->pc;
-    health[AN_HEALTH_LR] = record->lr;
-    health[AN_HEALTH_CFSR] = record->cfsr;
-    health[AN_HEALTH_CORE_HZ] = clock_core_hz();
-    health[AN_HEALTH_FAST_CYCLES] = application_state()->worst_cycles;
-    health[AN_HEALTH_SLOW_CYCLES] = application_slow_cycles();
-    health[AN_HEALTH_MAIN_CYCLES] = main_cycles;
-    health[AN_HEALTH_KEPT] = keeping.state;
+    an_health *health = &line.health;
+    health->watchdog_resets = record->watchdog_resets;
+    health->exception = record->exception;
+    health->pc = record->pc;
+    health->lr = record->lr;
+    health->cfsr = record->cfsr;
+    health->core_hz = clock_core_hz();
+    health->fast_cycles = application_state()->worst_cycles;
+    health->slow_cycles = application_slow_cycles();
+    health->main_cycles = main_cycles;
+    health->kept = keeping.state;
 }
 
 static void serve_button(an_button *button)
@@ -97,7 +96,7 @@ static void serve_guard(void)
     }
     if (guard_count() % HEALTHY == 0u && guard_count() != 0u) {
         record_healthy();
-        line.health[AN_HEALTH_STACK_UNUSED] = stack_unused();
+        line.health.stack_unused = stack_unused();
     }
 }
 

@@ -4,7 +4,7 @@
 
 #include "an_clear.h"
 #include "an_complex.h"
-#include "an_faults.h"
+#include "an_wire.h"
 #include "an_sincos.h"
 
 void an_fast_init(an_fast *fast, uint32_t step)

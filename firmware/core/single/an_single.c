@@ -6,7 +6,7 @@
 #include "an_bytes.h"
 #include "an_complex.h"
 #include "an_dds.h"
-#include "an_faults.h"
+#include "an_wire.h"
 #include "an_sine.h"
 
 #define AN_RESPONSE_S 0.53e-3f   /* closed-loop time constant: 95 % in 1.6 ms, plus the age of a measurement */
@@ -18,9 +18,8 @@
 #define AN_REFERENCE_MAX 0.9f    /* of the amplitude limit */
 #define AN_RETUNE_HZ 0.5f        /* smaller shifts of the resonance do not need new gains */
 #define AN_RETUNE_SHARE 0.03f    /* nor do smaller relative changes of tau */
-#define AN_DETUNING_MAX_HZ 500.0f
 
-enum { BUILD_NUMBER = 1, VALUES_BYTES = 32 };
+enum { BUILD_NUMBER = 1 };
 
 static const uint32_t all_measured = AN_GAIN_IDENTIFIED | AN_TAU_IDENTIFIED | AN_FREQUENCY_IDENTIFIED;
 
@@ -163,6 +162,7 @@ void an_single_boot(an_single *app, const uint8_t *table, uint32_t length, float
     app->probing = 0u;
     app->centre = an_dds_step(0.125f * sample_rate_hz, sample_rate_hz);
     app->mode.amplitude_limit = 1.0f;
+    app->mode.metres = 0.0f;
     app->neighbour = 0.0f;
     app->ident.motion = 0.0f;
     app->ident.misfit = 0.0f;
@@ -272,7 +272,7 @@ static void identify(an_application *base)
 {
     an_single *app = (an_single *)base;
     if (app->probing != 0u) {
-        if (!an_slow_finished(&app->slow)) {
+        if (!an_dwell_finished(&app->slow.dwell)) {
             return;
         }
         const float share = 1.0f / (float)app->slow.jobs[app->slow.hand.active & 1u].average;
@@ -419,32 +419,42 @@ static void set_reference(an_application *base, float reference)
     an_single_set_reference(app, reference);
 }
 
+/* Measured values, as saved. */
+typedef struct {
+    uint32_t centre;
+    float tau_s;
+    an_complex gain;
+    float delay_s;
+    float neighbour;
+    float motion;
+    float misfit;
+} a_measurement;
+
 static uint8_t *put_values(const an_application *base, uint8_t *at)
 {
     const an_single *app = (const an_single *)base;
-    at = an_put32(at, app->centre);
-    at = an_put_float(at, app->mode.tau_s);
-    at = an_put_complex(at, app->mode.gain);
-    at = an_put_float(at, app->mode.delay_s);
-    at = an_put_float(at, app->neighbour);
-    at = an_put_float(at, app->ident.motion);
-    return an_put_float(at, app->ident.misfit);
+    const an_ident *ident = &app->ident;
+    const a_measurement values = {app->centre,         app->mode.tau_s, app->mode.gain, app->mode.delay_s,
+                                  app->neighbour, ident->motion,   ident->misfit};
+    return an_put_object(at, &values, sizeof values);
 }
 
-static bool take_values(an_application *base, const uint8_t *values, uint32_t length)
+static bool take_values(an_application *base, const uint8_t *bytes, uint32_t length)
 {
     an_single *app = (an_single *)base;
-    if (length != VALUES_BYTES) {
+    a_measurement values;
+    if (length != sizeof values) {
         return false;
     }
-    app->centre = an_get32(values);
+    an_get_object(&values, bytes, sizeof values);
+    app->centre = values.centre;
     app->mode.frequency_hz = an_dds_frequency(app->centre, app->base.sample_rate_hz);
-    app->mode.tau_s = an_get_float(values + 4);
-    app->mode.gain = an_get_complex(values + 8);
-    app->mode.delay_s = an_get_float(values + 16);
-    app->neighbour = an_get_float(values + 20);
-    app->ident.motion = an_get_float(values + 24);
-    app->ident.misfit = an_get_float(values + 28);
+    app->mode.tau_s = values.tau_s;
+    app->mode.gain = values.gain;
+    app->mode.delay_s = values.delay_s;
+    app->neighbour = values.neighbour;
+    app->ident.motion = values.motion;
+    app->ident.misfit = values.misfit;
     app->mode_flags |= all_measured;
     return true;
 }

@@ -64,8 +64,8 @@ void an_single_slow(an_single *app);
  * an interrupt of the fast tick's priority. */
 uint32_t an_single_check(an_single *app);
 
-/* Write the log record of the last window: measured phasor, drive, reference. */
-void an_single_record(const an_single *app, float *record);
+/* Log record of the last window. */
+an_record an_single_record(const an_single *app);
 
 /* True for a reference from 0 to 1 and a detuning within 500 Hz. */
 bool an_single_may_start(float reference, float detuning_hz);

@@ -3,11 +3,11 @@
 #include <stdatomic.h>
 
 #include "an_assert.h"
+#include "an_check.h"
 #include "an_clear.h"
 #include "an_complex.h"
-#include "an_faults.h"
+#include "an_wire.h"
 
-#define AN_OFFSET_MAX 0.25f /* of full scale */
 #define AN_QUIET_SHARE 0.0625f /* weight of a window in the noise at rest */
 
 bool an_slow_init(an_slow *slow, an_fast *fast, uint32_t step)
@@ -25,14 +25,6 @@ an_job *an_slow_vacant(an_slow *slow)
     return an_handover_vacant(&slow->hand) ? &slow->jobs[(slow->hand.posted ^ 1u) & 1u] : NULL;
 }
 
-bool an_slow_finished(const an_slow *slow)
-{
-    const volatile uint32_t *finished = &slow->finished;
-    const bool complete = *finished != 0u;
-    atomic_signal_fence(memory_order_acquire);
-    return complete;
-}
-
 static const an_job *job_at_work(const an_slow *slow)
 {
     return &slow->jobs[slow->hand.active & 1u];
@@ -45,43 +37,20 @@ static const an_job *take_job(an_slow *slow, an_fast *fast)
     if (job->kind == AN_JOB_TRACK) {
         return job;
     }
-    if (job->clear != 0u) {
-        slow->hand.trips = 0u;
-        fast->faults = 0u;
-    }
+    an_clear_trips(&slow->hand, job->clear, &fast->faults);
     slow->tracking = 0u;
-    slow->waited = 0u;
-    slow->finished = 0u;
+    slow->dwell.waited = 0u;
+    slow->dwell.finished = 0u;
     slow->total = an_cplx(0.0f, 0.0f);
     slow->energy = 0.0f;
     return job;
 }
 
-/* The comparisons are negated so that a NaN also trips. */
-static uint32_t check_measurement(const an_window *window, const an_phasor *phasor, float amplitude_limit2)
-{
-    uint32_t trips = 0u;
-    if (!(an_abs2(phasor->tone) <= amplitude_limit2)) {
-        trips |= AN_FAULT_AMPLITUDE;
-    }
-    if (!(__builtin_fabsf(phasor->offset) <= AN_OFFSET_MAX)) {
-        trips |= AN_FAULT_SENSOR_OFFSET;
-    }
-    if (window->clipped > AN_CLIPPED_MAX) {
-        trips |= AN_FAULT_SENSOR_CLIPPED;
-    }
-    return trips;
-}
-
 static an_complex dwell(an_slow *slow, const an_job *job, an_complex measured)
 {
-    if (slow->finished == 0u) {
-        slow->waited++;
-        if (slow->waited > job->settle) {
-            slow->total = an_add(slow->total, measured);
-            slow->energy += an_abs2(measured);
-        }
-        slow->finished = slow->waited >= job->settle + job->average;
+    if (an_dwell_counts(&slow->dwell, job->settle, job->average)) {
+        slow->total = an_add(slow->total, measured);
+        slow->energy += an_abs2(measured);
     }
     return job->drive;
 }
@@ -137,7 +106,10 @@ void an_slow_step(an_slow *slow, an_fast *fast)
     if (slow->hand.active != slow->hand.posted) {
         job = take_job(slow, fast);
     }
-    slow->hand.trips |= fast->faults | check_measurement(window, &phasor, job->amplitude_limit2);
+    slow->hand.trips |= fast->faults | an_check(phasor.tone, phasor.offset, job->amplitude_limit2);
+    if (window->clipped > AN_CLIPPED_MAX) {
+        slow->hand.trips |= AN_FAULT_SENSOR_CLIPPED;
+    }
     const an_complex drive = slow->hand.trips == 0u ? do_job(slow, job, phasor.tone) : an_cplx(0.0f, 0.0f);
     fast->command.drive = an_scale(drive, (float)AN_DAC_SWING);
     slow->measured = phasor;

@@ -7,6 +7,7 @@
 #define AN_SLOW_H
 
 #include "an_demod.h"
+#include "an_dwell.h"
 #include "an_fast.h"
 #include "an_handover.h"
 #include "an_pi.h"
@@ -39,10 +40,9 @@ typedef struct {
     an_track_note notes[AN_TRACK_ROOM]; /* track: the last windows, for the main loop */
     uint32_t noted; /* track: windows noted so far */
     float quiet; /* rest: smoothed |U' - U|^2 between windows, due to noise */
-    uint32_t waited;   /* dwell: windows so far */
+    an_dwell dwell;
     an_complex total;  /* dwell: sum of the averaged windows ... */
     float energy;      /* ... and of their squares */
-    uint32_t finished; /* dwell: set when total is complete */
     an_phasor measured; /* last window */
 } an_slow;
 
@@ -51,9 +51,6 @@ bool an_slow_init(an_slow *slow, an_fast *fast, uint32_t step);
 
 /* Return the job to prepare next, or NULL while the last one waits to be taken over. */
 an_job *an_slow_vacant(an_slow *slow);
-
-/* True if the total of a dwell is complete and may be read. */
-bool an_slow_finished(const an_slow *slow);
 
 /* One slow step; called once per window, before the end of the gap. */
 void an_slow_step(an_slow *slow, an_fast *fast);

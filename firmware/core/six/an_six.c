@@ -5,7 +5,7 @@
 #include "an_clear.h"
 #include "an_complex.h"
 #include "an_dds.h"
-#include "an_faults.h"
+#include "an_wire.h"
 #include "an_sine.h"
 
 #define AN_HEADROOM 0.9f     /* of the drive limit, for the integrals */
@@ -23,7 +23,7 @@
 #define AN_NO_REFERENCE 1e-6f /* of full scale: far below noise; 0 would select half of the reachable one */
 #define AN_PERIODS 2.0f /* least number of carrier periods in a window */
 
-enum { BUILD_NUMBER = 6, WINDOW_MIN = 46, PROBE_AVERAGE = 8, VALUES_BYTES = 8 * AN_SIX * AN_SIX };
+enum { BUILD_NUMBER = 6, WINDOW_MIN = 46, PROBE_AVERAGE = 8 };
 
 static float period_s(const an_six *app)
 {
@@ -386,7 +386,7 @@ static void identify(an_application *base)
         return;
     }
     if (app->probing != 0u) {
-        if (!an_six_slow_finished(&app->slow)) {
+        if (!an_dwell_finished(&app->slow.dwell)) {
             return;
         }
         if (app->checking) {
@@ -566,21 +566,16 @@ static void set_reference(an_application *base, float reference)
 static uint8_t *put_values(const an_application *base, uint8_t *at)
 {
     const an_six *app = (const an_six *)base;
-    for (uint32_t i = 0u; i < AN_SIX * AN_SIX; i++) {
-        at = an_put_complex(at, app->shaping.matrix[i]);
-    }
-    return at;
+    return an_put_object(at, app->shaping.matrix, sizeof app->shaping.matrix);
 }
 
 static bool take_values(an_application *base, const uint8_t *values, uint32_t length)
 {
     an_six *app = (an_six *)base;
-    if (length != VALUES_BYTES) {
+    if (length != sizeof app->shaping.matrix) {
         return false;
     }
-    for (uint32_t i = 0u; i < AN_SIX * AN_SIX; i++) {
-        app->shaping.matrix[i] = an_get_complex(values + 8u * i);
-    }
+    an_get_object(app->shaping.matrix, values, sizeof app->shaping.matrix);
     app->identified = an_shaping_invert(&app->shaping) ? 1u : 0u;
     return app->identified != 0u;
 }
@@ -605,7 +600,7 @@ const an_build an_six_build = {
     .handle_request = an_six_handle_request,
 };
 
-void an_six_record(const an_six *app, float *record)
+an_record an_six_record(const an_six *app)
 {
     const an_six_job *job = &app->slow.jobs[app->slow.hand.active & 1u];
     uint32_t best = 0u;
@@ -614,9 +609,11 @@ void an_six_record(const an_six *app, float *record)
             best = i;
         }
     }
-    record[0] = app->slow.measured[best].re;
-    record[1] = app->slow.measured[best].im;
-    record[2] = app->slow.drive[best].re;
-    record[3] = app->slow.drive[best].im;
-    record[4] = app->slow.reference * app->slow.envelope;
+    const an_record record = {
+        .window = app->fast.window.count,
+        .measured = app->slow.measured[best],
+        .drive = app->slow.drive[best],
+        .reference = app->slow.reference * app->slow.envelope,
+    };
+    return record;
 }

@@ -65,8 +65,8 @@ uint32_t an_six_check(an_six *app);
 /* Check the samples after each tick for signals that no plate can produce. Returns faults. */
 uint32_t an_six_look(an_six *app, const uint16_t *adc);
 
-/* Write the log record of the last window: sensor and drive of the channel with the largest target, reference. */
-void an_six_record(const an_six *app, float *record);
+/* Log record of the last window: sensor and drive of the channel with the largest target. */
+an_record an_six_record(const an_six *app);
 
 /* Interface of this build to the code common to both. */
 extern const an_build an_six_build;

@@ -4,7 +4,7 @@
 
 #include "an_clear.h"
 #include "an_complex.h"
-#include "an_faults.h"
+#include "an_wire.h"
 #include "an_sincos.h"
 
 /* Unroll the loops over six channels: the loop instructions would take a fifth of the tick. */

@@ -6,47 +6,46 @@
 uint8_t *an_six_put_status(const an_application *base, uint8_t *at)
 {
     const an_six *app = (const an_six *)base;
-    at = an_put8(at, base->supervisor.state);
-    at = an_put8(at, base->slot);
-    at = an_put8(at, app->pattern);
-    at = an_put8(at, app->identified | an_application_flags(base, app->slow.limited != 0u));
-    at = an_application_put_counts(base, app->fast.window.count, at);
-    at = an_put_float(at, an_dds_frequency(app->step, base->sample_rate_hz));
-    at = an_put_float(at, app->shaping.condition);
-    at = an_put_float(at, app->reachable);
-    at = an_put_float(at, app->slow.reference * app->slow.envelope);
+    an_six_status status;
+    an_application_status(base, &an_six_build, app->identified, &status.head);
+    status.head.choice[0] = (uint8_t)base->slot;
+    status.head.choice[1] = (uint8_t)app->pattern;
+    status.head.frequency_hz = an_dds_frequency(app->step, base->sample_rate_hz);
+    status.head.metres = app->shape.metres;
+    status.condition = app->shaping.condition;
+    status.reachable = app->reachable;
+    status.reference = app->slow.reference * app->slow.envelope;
     for (uint32_t i = 0u; i < AN_SIX; i++) {
-        at = an_put_complex(at, app->slow.measured[i]);
+        status.sensors[i] = app->slow.measured[i];
     }
-    return at;
+    return an_put_object(at, &status, sizeof status);
 }
 
-/* Payload: pattern and reference. */
 static an_result start(an_six *app, const an_message *request)
 {
-    const uint32_t pattern = an_get32(request->payload);
-    const float reference = an_get_float(request->payload + 4);
-    if (pattern >= app->shape.pattern_count || !an_application_may_refer(reference)) {
+    an_six_start_request given;
+    an_get_object(&given, request->payload, sizeof given);
+    if (given.pattern >= app->shape.pattern_count || !an_application_may_refer(given.reference)) {
         return AN_BAD_VALUE;
     }
-    return an_application_started(&app->base, &an_six_build, an_six_start(app, pattern, reference));
+    return an_application_started(&app->base, &an_six_build, an_six_start(app, given.pattern, given.reference));
 }
 
-/* Payload: shape and pattern. Change the pattern while running, or select another shape at rest. */
+/* Change the pattern while running, or select another shape at rest. */
 static an_result choose(an_six *app, const an_message *request)
 {
-    const uint32_t shape = an_get32(request->payload);
-    const uint32_t pattern = an_get32(request->payload + 4);
-    if (shape >= app->table.shape_count) {
+    an_choose_request given;
+    an_get_object(&given, request->payload, sizeof given);
+    if (given.shape >= app->table.shape_count) {
         return AN_BAD_VALUE;
     }
-    if (shape != app->base.slot) {
-        return an_six_choose(app, shape) ? AN_OK : AN_NOT_NOW;
+    if (given.shape != app->base.slot) {
+        return an_six_choose(app, given.shape) ? AN_OK : AN_NOT_NOW;
     }
-    if (pattern >= app->shape.pattern_count) {
+    if (given.pattern >= app->shape.pattern_count) {
         return AN_BAD_VALUE;
     }
-    return an_six_change(app, pattern) ? AN_OK : AN_NOT_NOW;
+    return an_six_change(app, given.pattern) ? AN_OK : AN_NOT_NOW;
 }
 
 an_result an_six_handle_request(an_application *base, const an_message *request)
@@ -54,9 +53,6 @@ an_result an_six_handle_request(an_application *base, const an_message *request)
     an_six *app = (an_six *)base;
     if (request->kind != AN_START && request->kind != AN_PATTERN) {
         return AN_UNKNOWN;
-    }
-    if (request->length != 8u) {
-        return AN_BAD_VALUE;
     }
     return request->kind == AN_START ? start(app, request) : choose(app, request);
 }

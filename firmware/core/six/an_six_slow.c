@@ -3,12 +3,12 @@
 #include <stdatomic.h>
 
 #include "an_assert.h"
+#include "an_check.h"
 #include "an_clear.h"
 #include "an_complex.h"
-#include "an_faults.h"
+#include "an_wire.h"
 
 #define AN_AMPLITUDE_MAX2 0.81f   /* squared: 0.9 of a sensor's full scale */
-#define AN_OFFSET_MAX 0.25f       /* of full scale */
 #define AN_OFFSET_SHARE 0.0625f   /* weight of a window in the smoothed offset */
 #define AN_MISMATCH_FLOOR2 1e-4f  /* squared: a hundredth of full scale, for noise */
 #define AN_MISMATCH_SHARE2 0.25f  /* squared: half of the target, for a finger or an error of the matrix */
@@ -38,14 +38,6 @@ an_six_job *an_six_slow_vacant(an_six_slow *slow)
     return an_handover_vacant(&slow->hand) ? &slow->jobs[(slow->hand.posted ^ 1u) & 1u] : NULL;
 }
 
-bool an_six_slow_finished(const an_six_slow *slow)
-{
-    const volatile uint32_t *finished = &slow->finished;
-    const bool complete = *finished != 0u;
-    atomic_signal_fence(memory_order_acquire);
-    return complete;
-}
-
 /* From one pattern to another the loop continues; after any other job it starts from zero targets and integrals. */
 static void begin_track(an_six_slow *slow, an_job_kind kind_before)
 {
@@ -59,31 +51,14 @@ static void begin_track(an_six_slow *slow, an_job_kind kind_before)
 static void take_job(an_six_slow *slow, an_six_fast *fast)
 {
     begin_track(slow, slow->jobs[slow->hand.active & 1u].kind);
-    slow->hand.active = slow->hand.posted;
     slow->fading = 0u;
-    if (slow->jobs[slow->hand.active & 1u].clear != 0u) {
-        slow->hand.trips = 0u;
-        fast->faults = 0u;
-    }
-    slow->waited = 0u;
-    slow->finished = 0u;
+    slow->hand.active = slow->hand.posted;
+    an_clear_trips(&slow->hand, slow->jobs[slow->hand.active & 1u].clear, &fast->faults);
+    an_clear(&slow->dwell, sizeof slow->dwell);
     slow->mismatched = 0u;
     for (uint32_t i = 0u; i < AN_SIX; i++) {
         slow->total[i] = an_cplx(0.0f, 0.0f);
     }
-}
-
-/* The comparisons are negated so that a NaN also trips. */
-static uint32_t check_sensor(an_complex tone, float offset)
-{
-    uint32_t trips = 0u;
-    if (!(an_abs2(tone) <= AN_AMPLITUDE_MAX2)) {
-        trips |= AN_FAULT_AMPLITUDE;
-    }
-    if (!(__builtin_fabsf(offset) <= AN_OFFSET_MAX)) {
-        trips |= AN_FAULT_SENSOR_OFFSET;
-    }
-    return trips;
 }
 
 static void measure(an_six_slow *slow, an_six_fast *fast, const an_six_job *job)
@@ -95,7 +70,7 @@ static void measure(an_six_slow *slow, an_six_fast *fast, const an_six_job *job)
         const an_phasor phasor = an_demod_fit(&job->demod, &sums[i], window->last_phase);
         slow->measured[i] = phasor.tone;
         slow->offset[i] += AN_OFFSET_SHARE * (phasor.offset - slow->offset[i]);
-        trips |= check_sensor(phasor.tone, slow->offset[i]);
+        trips |= an_check(phasor.tone, slow->offset[i], AN_AMPLITUDE_MAX2);
     }
     an_clear(sums, sizeof fast->sums[0]);
     if (slow->ringing == 0u) {
@@ -107,14 +82,11 @@ static void measure(an_six_slow *slow, an_six_fast *fast, const an_six_job *job)
 
 static void dwell(an_six_slow *slow, const an_six_job *job)
 {
+    const bool counts = an_dwell_counts(&slow->dwell, job->settle, job->average);
     for (uint32_t i = 0u; i < AN_SIX; i++) {
         slow->drive[i] = job->drive[i];
-        if (slow->finished == 0u && slow->waited >= job->settle) {
-            slow->total[i] = an_add(slow->total[i], slow->measured[i]);
-        }
+        slow->total[i] = counts ? an_add(slow->total[i], slow->measured[i]) : slow->total[i];
     }
-    slow->waited++;
-    slow->finished |= slow->waited >= job->settle + job->average;
 }
 
 static float largest2_of(const an_complex *values, uint32_t count)

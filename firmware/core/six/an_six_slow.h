@@ -17,6 +17,7 @@
 #define AN_SIX_SLOW_H
 
 #include "an_demod.h"
+#include "an_dwell.h"
 #include "an_handover.h"
 #include "an_six_fast.h"
 #include "an_types.h"
@@ -53,8 +54,7 @@ typedef struct {
     an_complex target[AN_SIX]; /* W in the last window */
     an_complex integral[AN_SIX];
     an_complex total[AN_SIX]; /* dwell: sums of the averaged windows */
-    uint32_t waited;
-    uint32_t finished;
+    an_dwell dwell;
     uint32_t limited; /* nonzero: the last command was scaled down to the limit */
     an_complex error[AN_SIX]; /* smoothed over a time constant */
     uint32_t mismatched; /* doubts, up and down */
@@ -69,9 +69,6 @@ bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint3
 
 /* Return the job to prepare next, or NULL while the last one waits to be taken over. */
 an_six_job *an_six_slow_vacant(an_six_slow *slow);
-
-/* True if the totals of a dwell are complete and may be read. */
-bool an_six_slow_finished(const an_six_slow *slow);
 
 /* One slow step; called once per window, before the end of the gap. */
 void an_six_slow_step(an_six_slow *slow, an_six_fast *fast);

@@ -38,6 +38,7 @@ TABLE = ModeTable(
     target=1,
     shapes=(SHAPE, dataclasses.replace(SHAPE, matrix=None)),
     senses_displacement=False,
+    sensor_volts=0.5,
 )
 
 
@@ -54,9 +55,9 @@ def test_a_table_comes_back_in_single_precision() -> None:
 
 def test_the_bytes_are_little_endian_and_where_the_layout_says() -> None:
     data = to_bytes(TABLE)
-    assert data[:8] == b"ANTM" + bytes([1, 0, 48, 0])
-    assert int.from_bytes(data[8:12], "little") == len(data) == 48 + 2 * 128 + 2 * 752 + 4
-    assert struct.unpack_from("<f", data, 48)[0] == 31404.5
+    assert data[:8] == b"ANTM" + bytes([2, 0, 52, 0])
+    assert int.from_bytes(data[8:12], "little") == len(data) == 52 + 2 * 132 + 2 * 756 + 4
+    assert struct.unpack_from("<f", data, 52)[0] == 31404.5
     assert data[-4:] == struct.pack("<I", layout.crc32(data[:-4]))
 
 
@@ -100,26 +101,28 @@ def resealed(at: int, value: bytes) -> bytes:
     ("at", "value", "words"),
     [
         (0, b"ELF!", "another kind of file"),
-        (4, struct.pack("<H", 2), "version 2 is not supported"),
+        (4, struct.pack("<H", 1), "version 1 is not supported, this program reads 2: export it again"),
         (4, struct.pack("<H", 0), "version 0 is not supported"),
-        (6, struct.pack("<H", 52), "record lengths"),
+        (6, struct.pack("<H", 48), "record lengths"),
         (12, struct.pack("<H", 3), "do not hold 3 modes"),
         (20, b"\x07", "actuator_count is 7"),
         (22, struct.pack("<H", 2), "target is 2, allowed 0 to 1"),
         (24, struct.pack("<f", math.nan), "sample_rate_hz is nan"),
         (28, struct.pack("<I", 2), "flags are 0x2"),
-        (48, struct.pack("<f", -1.0), "mode 0: frequency_hz is -1"),
-        (48, struct.pack("<f", 100001.0), "mode 0: frequency_hz is 100001"),
-        (52, struct.pack("<f", math.inf), "mode 0: tau_s is inf"),
-        (56, struct.pack("<f", 1.0), "mode 0: a gain is given but marked unidentified"),
-        (64, struct.pack("<f", -1e-6), "mode 0: delay_s is -1e-06"),
-        (68, struct.pack("<f", 1.5), "mode 0: drive_limit is 1.5"),
-        (76, struct.pack("<I", 9), "mode 0: flags are 0x9"),
-        (80, struct.pack("<f", math.nan), "mode 0: actuator_weights"),
-        (128 + 52, struct.pack("<f", 0.0), "mode 1: tau_s is 0"),
-        (304 + 14, struct.pack("<H", 9), "shape 0: 9 patterns"),
-        (304 + 16, b"\xe9", "pattern name"),
-        (304 + 80, struct.pack("<f", 2e3), "shape 0: matrix"),
+        (52, struct.pack("<f", -1.0), "mode 0: frequency_hz is -1"),
+        (52, struct.pack("<f", 100001.0), "mode 0: frequency_hz is 100001"),
+        (56, struct.pack("<f", math.inf), "mode 0: tau_s is inf"),
+        (60, struct.pack("<f", 1.0), "mode 0: a gain is given but marked unidentified"),
+        (68, struct.pack("<f", -1e-6), "mode 0: delay_s is -1e-06"),
+        (72, struct.pack("<f", 1.5), "mode 0: drive_limit is 1.5"),
+        (80, struct.pack("<f", -1e-9), "mode 0: metres_per_volt is -1e-09"),
+        (32, struct.pack("<f", 0.0), "sensor_volts is 0"),
+        (84, struct.pack("<I", 9), "mode 0: flags are 0x9"),
+        (88, struct.pack("<f", math.nan), "mode 0: actuator_weights"),
+        (132 + 56, struct.pack("<f", 0.0), "mode 1: tau_s is 0"),
+        (316 + 18, struct.pack("<H", 9), "shape 0: 9 patterns"),
+        (316 + 20, b"\xe9", "pattern name"),
+        (316 + 84, struct.pack("<f", 2e3), "shape 0: matrix"),
     ],
 )
 def test_a_value_out_of_range_is_refused_in_one_line_though_the_crc_fits(at: int, value: bytes, words: str) -> None:

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from firmware.mode_table import from_bytes, hold
-from pipeline.board.export import SAMPLE_RATE_HZ, ModalGains, can_be_computed, modal_gains, table_with_gains
+from pipeline.board.export import (
+    SAMPLE_RATE_HZ,
+    ModalGains,
+    can_be_computed,
+    metres_per_volt,
+    modal_gains,
+    table_with_gains,
+)
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog
@@ -104,12 +111,26 @@ def test_the_table_carries_them(case: Case, gains: ModalGains) -> None:
     assert not mode.frequency_identified and not mode.tau_identified
 
 
+def test_metres_per_volt_are_those_of_the_driven_plate(case: Case, forced: ForcedPlate, gains: ModalGains) -> None:
+    """Gain times metres per volt is the motion per volt of drive, which a curve gives at other frequencies, too."""
+    metres = metres_per_volt(forced, gains)
+    mode = table_with_gains(case, gains, metres).modes[gains.target]
+    assert mode.metres_per_volt == metres > 0.0
+    half_hz = 0.5 / np.pi / gains.tau_s[gains.target]
+    tone = gains.frequency_hz[gains.target] + np.array([-0.5, 0.0, 0.5]) * half_hz
+    curve = forced.curve(tone)
+    own = np.abs(gains.gain[gains.target, 0] / (1.0 + 1j * np.array([-0.5, 0.0, 0.5])))
+    assert metres * own == pytest.approx(curve.zone_rms_m_per_v, rel=0.02)  # what neighbours add, twice
+    assert all(each.metres_per_volt == 0.0 for each in table_with_gains(case, gains).modes)
+
+
 def test_export_computes_them_only_for_patches_that_drive_and_listen(file: Path, case: Case, capsys) -> None:
     target = file.parent / "table.bin"
     assert can_be_computed(case)
     assert main(["export", "table", str(file), "-o", str(target), "--force"]) == 0
     text = capsys.readouterr().err
     table = from_bytes(target.read_bytes())
+    assert table.modes[table.target].metres_per_volt > 0.0 and "um rms in the zone per volt" in text
     assert table.modes[table.target].gain is not None and "gain 0." in text and "on PA5" in text
     assert main(["export", "table", str(file), "-o", str(target), "--force", "--set", "patches.sensors=[]"]) == 0
     text = capsys.readouterr().err

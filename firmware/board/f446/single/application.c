@@ -1,7 +1,7 @@
 /* Single-mode build with DAC and ADC: connects core and board. */
 #include "application.h"
 
-#include "an_faults.h"
+#include "an_wire.h"
 #include "an_single.h"
 #include "board.h"
 #include "converters.h"
@@ -110,9 +110,9 @@ void application_start(void)
     an_single_start(&app, 0.0f, 0.0f);
 }
 
-void application_record(float *record)
+an_record application_record(void)
 {
-    an_single_record(&app, record);
+    return an_single_record(&app);
 }
 
 uint32_t application_samples(void)

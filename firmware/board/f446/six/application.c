@@ -1,7 +1,7 @@
 /* Six-channel build with PWM: connects core and board. */
 #include "application.h"
 
-#include "an_faults.h"
+#include "an_wire.h"
 #include "an_six.h"
 #include "board.h"
 #include "bridges.h"
@@ -164,9 +164,9 @@ void application_start(void)
     an_six_start(&app, 0u, 0.0f);
 }
 
-void application_record(float *record)
+an_record application_record(void)
 {
-    an_six_record(&app, record);
+    return an_six_record(&app);
 }
 
 /* Phase plus tick changes with every sample. The guard's checks are less than two samples apart, and windows are
