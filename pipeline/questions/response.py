@@ -11,7 +11,7 @@ from pipeline.case.features import LARGER, SUPPORTS
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_SEED
 from pipeline.errors import InputError
 from pipeline.measured.parts import MeasuredRecord
-from pipeline.quantity import KHZ, MM, NM, frequency, frequency_with_bar, level, level_with_bar, with_bar
+from pipeline.quantity import KHZ, MM, NM, UM, frequency, frequency_with_bar, level, level_with_bar, with_bar
 from pipeline.quantity import figure as in_digits
 from pipeline.questions.attenuation import over
 from pipeline.questions.late import Axes, Case, FloatArray, Plan, ReportFigure, np, outputs, plans, style
@@ -72,6 +72,16 @@ class PeakRecord(Part):
         return None if self.height_error is None else self.height_error * self.zone_nm_per_V
 
     @property
+    def volts_per_um(self) -> float | None:
+        """Amplitude of the drive for 1 um rms on the zone, V; None where it does not move."""
+        return UM / self.zone_rms_m_per_V if self.zone_rms_m_per_V > 0.0 else None
+
+    @property
+    def volts_error_per_um(self) -> float | None:
+        """Error bar of volts_per_um (half-width), V."""
+        return self.height_error * self.volts_per_um if self.height_error and self.volts_per_um else None
+
+    @property
     def tone(self) -> str:
         """Frequency in words."""
         return frequency(self.frequency_hz, self.frequency_error)
@@ -86,8 +96,10 @@ class PeakRecord(Part):
         bar = "no error estimate" if self.height_error is None else "for the given damping"
         quality = "none" if self.quality_factor is None else with_bar(self.quality_factor, self.quality_error)
         height = with_bar(self.zone_nm_per_V, self.zone_error_nm_per_V, "nm/V")
+        drive = f"{with_bar(self.volts_per_um, self.volts_error_per_um, 'V')} for 1 um, " if self.volts_per_um else ""
         return (
-            f"{name} at {tone}: {height} rms on the zone ({bar}){level_text}; quality factor from the curve: {quality}"
+            f"{name} at {tone}: {height} rms on the zone, {drive}{bar}{level_text}; "
+            f"quality factor from the curve: {quality}"
         )
 
 

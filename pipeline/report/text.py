@@ -251,10 +251,9 @@ def _like(study: StoredStudy, best: StoredCase) -> list[StoredCase]:
 def _voltage_card(study: StoredStudy, best: StoredCase) -> Card | None:
     """Return the amplitude of the drive for one micrometre at the target mode's peak."""
     peak = best.record.response.target_peak if best.record.response else None
-    if peak is None or not peak.zone_rms_m_per_V > 0.0:
+    if peak is None or peak.volts_per_um is None:
         return None
-    volts = 1e-6 / peak.zone_rms_m_per_V
-    value = quantity.with_bar(volts, None if peak.height_error is None else volts * peak.height_error, "V", WIDE)
+    value = quantity.with_bar(peak.volts_per_um, peak.volts_error_per_um, "V", WIDE)
     height = quantity.with_bar(peak.zone_nm_per_V, peak.zone_error_nm_per_V, "nm/V", WIDE)
     quality = best.record.response.quality_factor_given if best.record.response else None
     given = f", with a quality factor of {quantity.figure(quality)}" if quality else ""

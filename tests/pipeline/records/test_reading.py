@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pytest
+
 from pipeline.records.outputs import filled, reading_markdown, reading_table
+from tests.helpers.synthetic import peak
 
 
 def test_frequencies_have_the_digits_of_their_bars_and_the_answer_is_starred() -> None:
@@ -88,3 +93,14 @@ def test_a_quality_factor_s_bar_is_in_its_own_unit() -> None:
         "        300.40              0.08",
         "          58.3               2.0",
     ]
+
+
+@pytest.mark.parametrize(
+    ("error", "drive"),
+    [(0.01, "25.00 ± 0.25 V for 1 um, for the given damping"), (None, "25.0 V for 1 um, no error estimate")],
+)
+def test_a_peak_names_the_drive_for_a_micrometre(error: float | None, drive: str) -> None:
+    own = replace(peak(32e3, 15.0, zone_rms=4e-8), height_error=error)
+    assert drive in own.line("peak")
+    still = replace(own, zone_rms_m_per_V=0.0)
+    assert still.volts_per_um is None and "for 1 um" not in still.line("peak")
