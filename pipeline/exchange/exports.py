@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from pipeline.case.features import LARGER, OF_A_PLATE, OUTLINE
+from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, OUTLINE, ZONES
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.target import verdict_text
 from pipeline.records import outputs
 
+if TYPE_CHECKING:
+    from pipeline.models.user_mesh import UserMesh
+
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
 WHOLE = (*SOLVER_FILES, "vtu", "paraview", "xdmf")  # of modes or meshes: of plates of any outline
 ONE_FILE = ("phonopy", "paraview", "xdmf", "uff", "impedance")  # functions of `results`
+OF_MESHES = {"vtu": "surface_vtu", "paraview": "paraview", "xdmf": "xdmf"}  # functions of `results` for a mesh file
 ENDINGS = {  # allowed endings of a file, the first one by default; "": common stem of several files
     "stl": (".stl",),
     "step": (".step", ".stp"),
@@ -33,18 +38,29 @@ ENDINGS = {  # allowed endings of a file, the first one by default; "": common s
 WORDS = {".s1p": ".s1p (Touchstone)"}
 
 
-def write(case: Case, form: str, output: str | None, log: Log, part: str = "plate", force: bool = False) -> list[Path]:
+def write(
+    case: Case, form: str, output: str | None, log: Log, part: str = "plate", force: bool = False,
+    own: UserMesh | None = None,
+) -> list[Path]:  # fmt: skip
     """Write one format; returns the files written. Parts other than the plate go to finite-element programs only.
 
-    `force`: write a mode table even without a target mode.
+    `force`: write a mode table even without a target mode. own: a mesh file to solve instead of the plate.
     """
     if form not in SOLVER_FILES and part != "plate":
         raise InputError(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
-    _require(case, form, part)
+    if own:
+        if form not in OF_MESHES or part != "plate":
+            takes = ", ".join(OF_MESHES)
+            raise InputError(f"--mesh-file {own.file}: must be left out of export {form}: {takes} of the plate take it")
+        case.refuse(f"export {form} --mesh-file", (ZONES, LARGER, GROUPS))
+    else:
+        _require(case, form, part)
     path = Path(f"{case.name}{ENDINGS[form][0]}" if output is None else output)
     outputs.check_files("-o", places(form, output if output == "" else path))
     if output is not None:
         _check_ending(form, path)
+    if own:
+        return [getattr(import_module("pipeline.exchange.results"), OF_MESHES[form])(case, path, log, own)]
     if form in SOLVER_FILES:
         written: list[Path] = getattr(import_module("pipeline.exchange.finite_elements"), form)(case, part, path, log)
         return written

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,11 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.exchange.finite_elements import rendered
 from pipeline.logs import Log
+from pipeline.quantity import frequency
 from pipeline.records import outputs
+
+if TYPE_CHECKING:
+    from pipeline.models.user_mesh import UserMesh
 
 # -- bands -------------------------------------------------------------------------------------------------------------
 # phonopy's band.yaml: frequencies in THz, lengths in Angstrom, wavevectors in units of the reciprocal lattice.
@@ -54,21 +58,34 @@ def band_yaml(document: dict[str, Any]) -> str:
 # Every mode of a plate on the surface of the whole body, one step each: VTKHDF for ParaView, or XDMF as one text file.
 
 
-def paraview(case: Case, path: Path, log: Log) -> Path:
+def paraview(case: Case, path: Path, log: Log, own: UserMesh | None = None) -> Path:
     """Compute the modes that `antinode modes` lists and write their shapes of unit modal mass; time is frequency, Hz."""
     from geometry.formats.vtk import write_steps
 
-    points, facets, tones, shapes = shapes_of(case, log)
+    points, facets, tones, shapes = shapes_of(case, log, own)
     with log.step(f"write {len(tones)} shapes"):
         write_steps(path, points, facets, tones, "displacement", shapes)
     return path
 
 
-def xdmf(case: Case, path: Path, log: Log) -> Path:
+def surface_vtu(case: Case, path: Path, log: Log, own: UserMesh) -> Path:
+    """Compute the modes of a mesh file and write its surface, each shape a field named after its place and frequency."""
+    import meshio
+
+    points, facets, tones, shapes = shapes_of(case, log, own)
+    fields = {
+        f"{number}: {frequency(tone)}": shape for number, (tone, shape) in enumerate(zip(tones, shapes, strict=True), 1)
+    }
+    with log.step(f"write {len(tones)} shapes"), outputs.delivered(path) as temporary:
+        meshio.Mesh(points, [("triangle", facets)], fields).write(temporary, file_format="vtu")
+    return path
+
+
+def xdmf(case: Case, path: Path, log: Log, own: UserMesh | None = None) -> Path:
     """Compute the modes that `antinode modes` lists and write their shapes as XDMF."""
     from meshio.xdmf import TimeSeriesWriter
 
-    points, facets, tones, shapes = shapes_of(case, log)
+    points, facets, tones, shapes = shapes_of(case, log, own)
     with (
         log.step(f"write {len(tones)} shapes"),
         written_whole(path) as temporary,
@@ -82,22 +99,24 @@ def xdmf(case: Case, path: Path, log: Log) -> Path:
     return path
 
 
-def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-    """Solve the modes of the plate on its closed surface; InputError if the band has none. Returns points (p, 3) in m,
-    triangles (m, 3), frequencies (k,) in Hz and displacements (k, p, 3).
+def shapes_of(case: Case, log: Log, own: UserMesh | None = None) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+    """Solve the modes of the plate, or of a mesh file, on its closed surface; InputError if the band has none. Returns points
+    (p, 3) in m, triangles (m, 3), frequencies (k,) in Hz and displacements (k, p, 3).
     """
     from geometry.decimation import closed_surface
+    from pipeline.models import user_mesh
     from pipeline.models.modes import solve_modes
     from pipeline.planning.model_choice import Request
 
-    solved = solve_modes(case, Request("plate"), log)
+    query = Request("plate")
+    solved = user_mesh.solve(case, own, query, log) if own else solve_modes(case, query, log)
     if not solved.rows:
         raise InputError(f"{case.name}: no mode in the requested band: widen solve.band_kHz")
     symmetries = {row.symmetry for row in solved.rows}
     skins = {each: solved.model.skin(each, solved.vectors[each]).unfolded(each) for each in symmetries}
     first = next(iter(skins.values()))
     shapes = np.stack([skins[row.symmetry].displacement[row.column] for row in solved.rows])
-    kept, triangles = closed_surface(first.points, first.facets, case.design.thickness_m)
+    kept, triangles = closed_surface(first.points, first.facets, None if own else case.design.thickness_m)
     return first.points[kept], triangles, np.array([row.frequency_hz for row in solved.rows]), shapes[:, kept]
 
 

@@ -7,10 +7,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import h5py
 import meshio
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 
 from geometry.errors import MeshFileError
 from geometry.formats.med import write_med
@@ -18,7 +20,7 @@ from geometry.formats.neutral import FACET, VOLUME, RawMesh, local_nodes
 from geometry.hex.boxes import hex_mesh, pillar_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.mesh import Mesh, split_hexahedra
-from pipeline.case.model import Case, case_from_dict
+from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.cli import main
 from pipeline.exchange import finite_elements
 from pipeline.exchange.finite_elements import exchange
@@ -28,6 +30,7 @@ from solvers.fem.solid import SolidModel, constrain
 from solvers.measures.confinement import measure
 from tests.helpers.mesh_files import facet_nodes, load
 
+ENDS = {"vtu": "vtu", "paraview": "vtkhdf"}
 SCENE: dict[str, Any] = {
     "name": "small",
     "material": "aluminium",
@@ -461,3 +464,52 @@ def test_a_support_without_group_or_axes_is_refused(
     capsys.readouterr()
     assert main.main(["modes", case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--support", text, "--quiet"]) == 2
     assert "NAME:AXES" in capsys.readouterr().err
+
+
+def test_every_shape_of_a_mesh_file_is_written_for_paraview(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The fields of the VTU and the steps of the VTKHDF file are the modes of the file's mesh at the nodes of its surface."""
+    import pyvista
+
+    from pipeline.models.modes import Request
+    from pipeline.models.user_mesh import UserMesh, solve
+
+    case = tmp_path / "own.toml"
+    case.write_text('material = "aluminium"\n[solve]\nnear_kHz = 1.0\ncount = 3\n')
+    lines = [np.linspace(0.0, side, count) for side, count in ((0.03, 5), (0.02, 4), (0.002, 2))]
+    points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    number = np.arange(len(points)).reshape(5, 4, 2)
+    square = ((0, 0), (1, 0), (1, 1), (0, 1))
+    corners = [number[i : i + 4, j : j + 3, k : k + 1].ravel() for k in (0, 1) for i, j in square]
+    file = str(tmp_path / "block.inp")
+    meshio.write_points_cells(file, points, [("hexahedron", np.stack(corners, axis=1))])
+    for form in ("vtu", "paraview"):
+        assert main.main(["export", form, str(case), "--mesh-file", file, "-o", str(tmp_path / f"p.{ENDS[form]}")]) == 0
+    solved = solve(load_case(case), UserMesh(file), Request("plate"), TerminalLog(True))
+    surface = pyvista.read(tmp_path / "p.vtu")
+    assert len(surface.point_data) == len(solved.rows) == 3
+    place = cKDTree(solved.model.mesh.nodes).query(surface.points)[1]
+    for name, row in zip(surface.point_data, solved.rows, strict=True):
+        moved = solved.model.field(None, solved.vectors[None][:, [row.column]])[place, :, 0]
+        assert name.endswith("kHz") and surface.point_data[name] == pytest.approx(moved, abs=1e-6 * np.abs(moved).max())
+    with h5py.File(tmp_path / "p.vtkhdf") as written:
+        assert list(written["VTKHDF"]["Steps"]["Values"]) == pytest.approx([row.frequency_hz for row in solved.rows])
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["stl", "--mesh-file", "FILE"], "must be left out of export stl"),
+        (["vtu", "--unit", "mm"], "--unit: applies to --mesh-file only"),
+        (["vtu", "--mesh-file", "FILE", "--merge", "far"], "--merge far: must be a number of 0 or more"),
+    ],
+)
+def test_options_of_a_mesh_file_apply_where_it_is_solved(
+    words: list[str], line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, case = tmp_path / "a.inp", tmp_path / "own.toml"
+    file.touch()
+    case.write_text('material = "aluminium"\n')
+    given = [str(file) if word == "FILE" else word for word in words]
+    assert main.main(["export", given[0], str(case), *given[1:]]) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert len(said) == 1 and line in said[0]

@@ -11,7 +11,7 @@ from geometry.materials import Material
 from geometry.mesh import Mesh
 from solvers.accuracy.mesh import StressRecovery
 from solvers.fem.assembly import Scale, assemble
-from solvers.fem.eigen import modes_in_band
+from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import SolidModel
 from tests.helpers import bodies
 
@@ -80,3 +80,20 @@ def test_the_modes_of_a_clamped_block_lie_within_their_bars(soft: bool) -> None:
     missed = own.frequency_hz[:count] / true.frequency_hz[:count] - 1.0
     assert (missed > 0.0).all() and (np.abs(missed - taken) <= half).all()
     assert np.median(half / missed) < 1.0, "the bar is narrower than what was missed"
+
+
+def test_modes_of_one_frequency_are_corrected_alike_however_they_are_mixed() -> None:
+    """Of modes of one frequency any two perpendicular mixtures are modes, too: their corrections are the same."""
+    mesh = bodies.tetrahedra(bodies.even(EDGES_M, (3, 1, 2)), 2)  # coarser along y than along z
+    model = SolidModel(mesh, dict.fromkeys(mesh.region_of_cells(), STEEL), (), False)
+    pencil = model.pencil(None)
+    found = modes_near(pencil, 0.0, 2)
+    recovery = StressRecovery(mesh, model.materials, model.scale)
+    values = np.array([pencil.scale.eigenvalue(tone) for tone in found.frequency_hz])
+    alone = np.array([recovery.errors(None, pencil, found.vectors[:, [i]], values[[i]])[0][0] for i in (0, 1)])
+    assert abs(alone[0] - alone[1]) > 0.1 * alone.max()  # otherwise nothing would change with the mixture
+    same = np.full(2, values[:2].mean())
+    pair = found.vectors[:, :2] * np.sqrt(same / values[:2])
+    turned = pair @ np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
+    (taken, half), (again, bars) = (recovery.errors(None, pencil, each, same) for each in (pair, turned))
+    assert again == pytest.approx(taken, rel=1e-9) and bars == pytest.approx(half, rel=1e-6)
