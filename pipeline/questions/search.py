@@ -319,8 +319,8 @@ class Search(
 
     vary: tuple[Range, ...] = option(
         default=(), metavar="KEY=LOW:HIGH",
-        help="key of plate, zone, pillar, tip or array with two ends; array.heights_mm=5:7 varies each row, "
-        "array.stagger=false:true, pillar.faces=back:both and tip.material=steel:brass are choices",
+        help="key of plate, zone, pillar or array with two ends; array.heights_mm=5:7 varies each row, "
+        "array.stagger=false:true, pillar.faces=back:both and pillar.material=steel:brass are choices",
     )  # fmt: skip
     goal: Goal = option(
         default="confinement",
