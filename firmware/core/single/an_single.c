@@ -434,8 +434,15 @@ static uint8_t *put_values(const an_application *base, uint8_t *at)
 {
     const an_single *app = (const an_single *)base;
     const an_ident *ident = &app->ident;
-    const a_measurement values = {app->centre,         app->mode.tau_s, app->mode.gain, app->mode.delay_s,
-                                  app->neighbour, ident->motion,   ident->misfit};
+    const a_measurement values = {
+        .centre = app->centre,
+        .tau_s = app->mode.tau_s,
+        .gain = app->mode.gain,
+        .delay_s = app->mode.delay_s,
+        .neighbour = app->neighbour,
+        .motion = ident->motion,
+        .misfit = ident->misfit,
+    };
     return an_put_object(at, &values, sizeof values);
 }
 
