@@ -358,7 +358,7 @@ def _dimensions(design: DesignRecord, geometry: Any) -> str:
     zones, long = len(design.zone_centres_m), f"{design.length_m / MM:g} mm long and " if design.larger_m else ""
     words = [plate, f"{f'{zones} zones' if zones else 'zone'} {long}{design.width_m / MM:g} mm wide"]
     pillar, pitch_m = design.pillar, design.pitch_x_m
-    if pillar and pitch_m:
+    if pillar and pitch_m and design.rows:
         rows = len({y for _, y in design.pillar_centres_m})
         columns = -(-len(design.pillar_centres_m) // max(1, rows))
         count = f"2 × {design.rows}" if rows == 2 * design.rows else f"{rows}"
@@ -413,7 +413,9 @@ def _meshes(
     for axes, image, kind in zip(panels[0], images, kinds, strict=True):
         _show(axes, image)
         of_triangles = visible[f"{what} {kind}"].faces.shape[1] == 3
-        label = MIXED if kind == "hex" and of_triangles else _mesh_words(case, what, kind)
+        is_whole = len(kinds) == 1 and case.record.mesh(what, "tet") is not None  # not of panels
+        shown = "tet" if of_triangles and is_whole else kind
+        label = MIXED if of_triangles and shown == "hex" else _mesh_words(case, what, shown)
         axes.set_title(label)
         quality = visible[f"{what} {kind}"].values
         worst = ""

@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 
 from geometry.decimation import with_sides
+from pipeline.case.model import case_from_dict
 from pipeline.plots import fields, rendering, style
 from pipeline.plots import fields as plots_fields
 from pipeline.questions.bands import BandPoint, BandsResult
 from pipeline.questions.modes import ShapesResult
-from pipeline.records.record import Record
+from pipeline.records.record import DesignRecord, Record
 from pipeline.records.study import StoredCase, StoredStudy, read_study
 from pipeline.report import gallery, heat_map
 from tests.helpers import synthetic
+from tests.helpers.plate_files import drilled, panel, raw_case, written
 
 
 @pytest.fixture(scope="module")
@@ -261,3 +263,22 @@ def test_a_skin_without_edge_faces_gets_them_once(corners: int):
     sides = np.linalg.norm(np.cross(added[:, 1] - added[:, 0], added[:, -1] - added[:, 0]), axis=1)
     sides *= 1.0 if corners == 4 else 0.5
     assert sides.sum() == pytest.approx(4 * (0.1155 / 2 + shape.half_span_m) * 0.002)
+
+
+def test_a_plate_of_a_file_is_drawn_by_its_rims_in_its_own_place(tmp_path: Path):
+    """Pictures frame the plate where its file has it, and draw every rim; a whole mesh of tetrahedra is named as such."""
+    written(drilled(panel(), 11.0, 6.0, 1.5).translate((40.0, 10.0, 0.0)), tmp_path)
+    settings = ["zone.centre_mm=[40, 10]", "array.rows=0", "array.surround=false"]
+    design = DesignRecord.of_design(case_from_dict(raw_case(), tmp_path / "case.toml", settings).design)
+    _, axes = style.panels(3.0)
+    fields.draw_outlines(axes, design)
+    fields.frame_plate(axes, design)
+    assert axes.get_xlim() == pytest.approx((25.0, 55.0), abs=0.2) and axes.get_ylim() == pytest.approx(
+        (0.0, 20.0), abs=0.2
+    )
+    sides = np.concatenate([np.array(each.get_segments()).reshape(-1, 2) for each in axes.collections[:1]])
+    assert sides.min(axis=0) == pytest.approx([25.0, 0.0], abs=1e-3)
+    assert np.linalg.norm(sides - [51.0, 16.0], axis=1).min() == pytest.approx(1.5, rel=1e-3)  # the hole
+    sketch = gallery.sketch(design)
+    assert 'viewBox="' in sketch and '<path class="plate"' in sketch and "30 × 20 × 1 mm" in sketch
+    assert "rows" not in rendering._dimensions(design, None)
