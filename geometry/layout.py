@@ -443,6 +443,8 @@ class Design:
 
     supports: tuple[Support, ...] = ()
     outline: Outline | None = None
+    cell_file: str | None = None
+    attached: tuple[Support, ...] = ()
 
     @property
     def stack(self) -> Stack:
@@ -599,6 +601,8 @@ class Design:
         """Mirrors of the unit cell: x, y, "d", which exchanges x and y, where the pillar and equal pitches have it, and "h",
         about the line at 60 degrees from x, of a triangular lattice.
         """
+        if self.cell_file or self.attached:  # nothing is known of its symmetry
+            return ()
         shared = ("x", "y", "d") if self.pitch_x_m == self.pitch_y_m and not self.stagger else ("x", "y")
         kept = {*self.stack.mirrors} & {*(self.pillar or self.stack).mirrors}
         return (*(name for name in shared if name in kept), *(("h",) if self._is_sixfold else ()))

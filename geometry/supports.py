@@ -56,6 +56,11 @@ class Support:
         return self.stiffness_n_m + self.bedding_n_m2 * (length_m if self.edge else 0.0)
 
     @property
+    def is_resonator(self) -> bool:
+        """Whether a mass hangs on its spring."""
+        return self.mass_kg > 0.0 and self.stiffness_n_m > 0.0
+
+    @property
     def area_m2(self) -> float:
         """Area of the disc, m2."""
         return pi * self.radius_m**2

@@ -31,6 +31,8 @@ class Panel:
         Sides (x-, x+, y-, y+) to which nothing is attached.
     pillar : Pillar or None
         Its pillar if rows differ; None for the design's.
+    attached : tuple of Support
+        Masses, springs and resonators on discs, from its middle.
     """
 
     low: tuple[float, float]
@@ -39,6 +41,7 @@ class Panel:
     halved: tuple[int, ...] = ()
     free: tuple[str, ...] = ()
     pillar: Pillar | None = None
+    attached: tuple[Support, ...] = ()
 
     @property
     def middle(self) -> tuple[float, float]:
@@ -46,7 +49,7 @@ class Panel:
         return ((self.low[0] + self.high[0]) / 2.0, (self.low[1] + self.high[1]) / 2.0)
 
 
-Signature = tuple[float | str | Pillar, ...]
+Signature = tuple[float | str | Pillar | tuple[object, ...], ...]
 NARROW = 0.2  # of a pitch: a narrower strip between two pillars' panels is shared by both
 DIGITS = 12  # of a length in m: panels that agree to a picometre are the same
 
@@ -134,8 +137,8 @@ def lattice_panel(design: Design, count: int = 1) -> Panel:
         The panel in m, halved along every axis along which the cell is its own mirror image.
     """
     half_x, half_y = design.pitch_x_m / count / 2.0, design.pitch_y_m / 2.0
-    halved = mirrored_along(design.cell_mirrors)
-    return Panel((-half_x, -half_y), (half_x, half_y), (0.0, 0.0) if design.pillar else None, halved)
+    halved, foot = mirrored_along(design.cell_mirrors), (0.0, 0.0) if design.pillar or design.cell_file else None
+    return Panel((-half_x, -half_y), (half_x, half_y), foot, halved, attached=design.attached)
 
 
 def mirrored_along(mirrors: Iterable[str]) -> tuple[int, ...]:
@@ -188,7 +191,7 @@ def signature(panel: Panel) -> Signature:
     """
     size = (panel.high[0] - panel.low[0], panel.high[1] - panel.low[1])
     offset = (panel.foot[0] - panel.middle[0], panel.foot[1] - panel.middle[1]) if panel.foot else (np.inf, np.inf)
-    own = (panel.pillar,) if panel.pillar else ()
+    own: tuple[Any, ...] = ((panel.pillar,) if panel.pillar else ()) + tuple(each.key for each in panel.attached)
     return (*(round(v, DIGITS) + 0.0 for v in (*size, *offset)), *panel.free, *own)
 
 

@@ -15,7 +15,7 @@ import yaml
 from pydantic import BaseModel
 
 import antinode
-from pipeline.case.schema import MATERIAL_ALLOWED, TABLES, MaterialTable, SupportTable
+from pipeline.case.schema import MATERIAL_ALLOWED, TABLES, AttachedTable, MaterialTable, SupportTable
 from pipeline.cli import main
 from pipeline.questions import known, registered
 from pipeline.questions import study as asked
@@ -23,7 +23,7 @@ from pipeline.records import part as declared
 from pipeline.records import record, tables
 from pipeline.records.outputs import unit_of
 
-PAGE = TABLES | {"support": SupportTable}
+PAGE = TABLES | {"support": SupportTable, "cell.attached": AttachedTable}
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[1]
 OWN = [name for name in antinode.__all__ if name != "__version__"]

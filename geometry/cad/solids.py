@@ -244,7 +244,7 @@ def pillar_solid(pillar: Pillar) -> Body:
         (_, stem), *upper = _parts(pillar)
         if not upper:
             return Body(stem, 0.0)
-        shape = _share_faces([stem, *(shape for _, shape in upper)])
+        shape = share_faces([stem, *(shape for _, shape in upper)])
         boxes = tuple(_box_of(name, shape) for name, shape in upper)
     return Body(shape, 0.0, frozenset(name for name, _ in upper), boxes)
 
@@ -425,7 +425,7 @@ def _united(design: Design, size_m: tuple[float, float] | None, stands: tuple[Pi
     blocks = _blocks(size_m, stack, mirrors) if size_m else [cast(Outline, design.outline).solid()]
     if pillars and not foreign:  # one boolean for all: pairwise fusing grows with the square of their number
         blocks, pillars = [_one_solid(blocks[0].fuse(*pillars), "plate and pillars")], []
-    shape = _share_faces([*blocks, *pillars, *(part for _, part in upper)]) if bonds else blocks[0]
+    shape = share_faces([*blocks, *pillars, *(part for _, part in upper)]) if bonds else blocks[0]
     boxes = tuple(_box_of(*part) for part in upper)
     return Body(shape, design.thickness_m, bonds, boxes, stack.joints_m)
 
@@ -541,8 +541,24 @@ def _box(low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> Any:
     return cq.Solid.makeBox(length, width, height, cq.Vector(*(float(c) for c in low)))
 
 
-def _share_faces(solids: list[Any]) -> Any:
-    """The solids as one compound whose contact faces are shared, none of them merged."""
+def share_faces(solids: list[Any]) -> Any:
+    """Join solids to one compound whose contact faces are shared, none of them merged.
+
+    Parameters
+    ----------
+    solids : list of cadquery.Solid
+        Solids in mm.
+
+    Returns
+    -------
+    cadquery.Shape
+        The compound.
+
+    Raises
+    ------
+    GeometryError
+        If they overlap.
+    """
     import cadquery as cq
     from OCP.BOPAlgo import BOPAlgo_Builder
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geometry.cad import solids
+from geometry.cad.step_cell import CellBody
 from geometry.elements import TET_EDGES, FloatArray, IntArray
 from geometry.errors import MeshError
 from geometry.layout import Design, Pillar
@@ -351,6 +352,29 @@ def tet_cell(design: Design, edge_m: float, mirrors: str = "") -> Mesh:
     """
     rims = _foot_rims(design.pillar, design.thickness_m) if design.pillar else NO_LINES
     return tet_mesh(solids.cell_solid(design, mirrors), edge_m, _graded(rims, edge_m))
+
+
+def tet_step_cell(body: CellBody, edge_m: float) -> Mesh:
+    """Mesh a unit cell from a STEP file by tetrahedra, finer near its re-entrant edges and where materials meet.
+
+    Parameters
+    ----------
+    body : CellBody
+        Solids of the cell.
+    edge_m : float
+        Largest edge length in m.
+
+    Returns
+    -------
+    Mesh
+        Tetrahedra in m, regions named as in the file.
+
+    Raises
+    ------
+    MeshError
+        For a rejected mesh.
+    """
+    return tet_mesh(body, edge_m, _graded(body.singular_lines(), edge_m))
 
 
 def tet_panel(design: Design, panel: Panel, edge_m: float) -> Mesh:

@@ -373,8 +373,8 @@ def check_rows(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
     rows = file.array.rows
     if not rows:
         return
-    if "pillar" not in file.present:
-        yield "array.rows", rows, "must be 0 without a [pillar]"
+    if "pillar" not in file.present and not file.cell.file:
+        yield "array.rows", rows, "must be 0 without a [pillar] or a [cell]"
     if file.pitches_given == ():
         yield "array.pitch_mm", None, "rows need a pitch: give pitch_mm, or pitch_x_mm and pitch_y_mm"
 
@@ -411,6 +411,23 @@ def check_patch_keys(file: Tables, form: PillarShape | None) -> Iterator[Diagnos
         yield "patches.at", at or "antinodes", "requires a [zone]: add one, or give centres_mm"
     if sensors and len(set(sensors)) < len(sensors):
         yield "patches.sensors", sensors, "must name each patch only once"
+
+
+def check_cell(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
+    """Check that a cell from a file has a plate and a rectangular lattice, and no other pillar."""
+    own = file.cell.file
+    if "cell" in file.present and "plate" not in file.present:
+        yield "plate.thickness_mm", None, "must be given with [cell]"
+    if "cell" in file.present and file.pitches_given == ():
+        yield "array.pitch_mm", None, "must be given with [cell]"
+    if own is None:
+        return
+    if "pillar" in file.present:
+        yield "cell.file", own, "cannot be combined with [pillar]: the file holds the whole cell"
+    lattice = file.array.lattice
+    if file.array.stagger or lattice not in (None, "square", "rectangular"):
+        key, value = ("array.lattice", lattice) if lattice else ("array.stagger", True)
+        yield key, value, "must be square or rectangular with cell.file: give the rectangular supercell"
 
 
 def check_measured(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
@@ -483,6 +500,7 @@ CHECKS: tuple[Callable[[Tables, PillarShape | None], Iterator[Diagnostic]], ...]
     check_thickness,
     check_not_a_block,
     check_rows,
+    check_cell,
     check_larger,
     check_solve,
     check_path,

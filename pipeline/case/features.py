@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 ZONES, LARGER, SUPPORTS, GROUPS, DEFECTS = "[[zone]]", "[plate] length_mm", "[[support]]", "[materials]", "[[defect]]"
 OUTLINE = "[plate] file"
+CELL, ATTACHED = "[cell] file", "[[cell.attached]]"
 STRESS = "solve.temperature_C"  # of a plate whose supports hold its expansion
 OF_A_PLATE = (ZONES, LARGER, OUTLINE, SUPPORTS, STRESS)  # of no consequence to a unit cell
 
@@ -57,8 +58,16 @@ FEATURES = {
         " (expansion_per_K = 0 of all layers is for a mount that expands with the plate)",
     ),
     GROUPS: Feature(
-        lambda case: GROUPS if case.group_materials else "",
+        lambda case: GROUPS if case.group_materials and not case.design.cell_file else "",
         "{} cannot honour it: it is for groups of a mesh file (modes, bands, attenuation, broadband with --mesh-file)",
+    ),
+    CELL: Feature(
+        lambda case: "[cell] file" if case.design.cell_file else "",
+        "{} cannot honour it: it is the unit cell of bands, attenuation and broadband, or remove it",
+    ),
+    ATTACHED: Feature(
+        lambda case: ATTACHED if case.design.attached else "",
+        "{} cannot honour it: it is for the unit cell of bands and attenuation, or remove it",
     ),
     DEFECTS: Feature(
         lambda case: DEFECTS if case.defects else "",

@@ -19,6 +19,7 @@ from geometry.layout import Design, Patches, Pillar, Section, antinode_places
 from geometry.materials import PIEZO_MATERIALS, Layer, Material, Stack
 from geometry.outline import Outline
 from geometry.pillar_shapes import PillarShape
+from pipeline.case.attached import read_attached
 from pipeline.case.checks import one_table, span_mm
 from pipeline.case.defects import Defect, read_defects
 from pipeline.case.features import refusals
@@ -235,7 +236,7 @@ class Case:
         if self.measured:
             plain["measured"] = self.measured.to_dict()
         pillar, shape = self.design.pillar, plain["design"]
-        for key in ("graded", "graded_pitches_m", "stagger", "layers", "supports"):
+        for key in ("graded", "graded_pitches_m", "stagger", "layers", "supports", "cell_file", "attached"):
             if not shape[key]:
                 del shape[key]
         del shape["outline"]
@@ -257,6 +258,9 @@ class Case:
         if pillar and pillar.file:
             plain["design"]["pillar"]["file"] = Path(pillar.file).name
             plain["design"]["pillar"]["file_sha256"] = hashlib.sha256(Path(pillar.file).read_bytes()).hexdigest()
+        if self.design.cell_file:
+            file = Path(self.design.cell_file)
+            shape |= {"cell_file": file.name, "cell_sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
         return plain
 
 
@@ -366,7 +370,13 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         design = _design(values)
         patches, touch = read_patches(values, design), read_touch(values, design)
     values.diagnostics.stop()
-    design = replace(_design(values), supports=supports)
+    design = replace(_design(values), supports=supports, cell_file=_cell_file(values, source))
+    hung = applied["cell"].get("attached") if isinstance(applied.get("cell"), dict) else None
+    if hung is not None:
+        design = replace(design, attached=read_attached(hung, design, values.diagnostics))
+        if design.cell_file:
+            values.diagnostics.missing("cell.attached", "cannot be combined with cell.file: draw the mass as a body")
+    values.diagnostics.stop()
     _check_losses(values, design, patches)
     if design.outline:
         for fault in check_outline(design, values.given):
@@ -641,6 +651,17 @@ def _measured(values: Values, source: Path | None) -> MeasuredFiles | None:
             values.diagnostics.add(f"measured.{name}", given, f"no such file {path}{nearest_file(path)}")
     place = table.at_mm
     return MeasuredFiles(paths["sweep"], paths["map"], (MM * place[0], MM * place[1]) if place else None)
+
+
+def _cell_file(values: Values, source: Path | None) -> str | None:
+    """Return the path of the cell's STEP file; a missing one is a fault."""
+    given = values.tables.cell.file if "cell" in values.tables.present else None
+    if given is None:
+        return None
+    path = (source.parent if source else Path()) / given
+    if not is_file(path):
+        values.diagnostics.add("cell.file", given, f"no such file {path}{nearest_file(path)}")
+    return str(path)
 
 
 def _solve(table: SolveTable) -> SolveTable:

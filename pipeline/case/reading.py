@@ -62,6 +62,7 @@ HIDDEN = {
     "plate": ("layer",),
     "pillar": ("material", "section"),
     "patches": ("glue",),
+    "cell": ("attached",),
 }  # keys of tables that are read one by one
 # a number written as text: with a decimal comma, with its unit
 NUMBER = re.compile(r"\s*(?P<number>[+-]?\d{1,12}(?:[.,]\d{1,12})?)\s*(?P<unit>[A-Za-z]{0,6})\s*")

@@ -47,6 +47,7 @@ DEFECTS_ALLOWED = "tables [[defect]] of at = [i, j], a cell of the supercell, an
 VECTOR_ALLOWED = "two numbers [x, y], a lattice vector"
 LAYERS_ALLOWED = "tables [[plate.layer]] of material and thickness_mm, from the touch face to the back"
 FROM_CENTRE = "from the plate's centre"
+ATTACHED_ALLOWED = "tables [[cell.attached]] of at_mm = [x, y] with mass_g, stiffness_N_per_m or both"
 SUPPORTS_ALLOWED = "tables [[support]] of kind with edge, or with at_mm and radius_mm"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
 
@@ -298,6 +299,13 @@ class SupportTable(Table):
     mass_g: float | None = optional_from_0(limits.MASS_G)
 
 
+class AttachedTable(Table):
+    at_mm: Place = Field(description="two numbers [x, y] from the cell's centre")
+    mass_g: float | None = optional_from_0(limits.MASS_G)
+    stiffness_N_per_m: float | None = optional_from_0(limits.STIFFNESS_N_M)
+    damping_Ns_per_m: float | None = optional_from_0(limits.DAMPING_NS_M)
+
+
 class PatchesTable(Table):
     material: str = Field(default="pz26", description="the name of a piezo material")
     size_mm: Annotated[list[Extent], Field(min_length=3, max_length=3)] = Field(
@@ -345,6 +353,10 @@ class TouchTable(Table):
 
 class MaterialsTable(Table):  # keys are names of groups, read one by one
     pass
+
+
+class CellTable(Table):
+    file: str | None = text("the path of a STEP file", min_length=1)
 
 
 class MeasuredTable(Table):
@@ -412,6 +424,7 @@ class Tables:
     touch: TouchTable
     tolerance: ToleranceTable
     measured: MeasuredTable
+    cell: CellTable
     materials: MaterialsTable
     present: frozenset[str]
     faulty: set[str] = field(default_factory=set)
@@ -690,12 +703,20 @@ TABLES: dict[str, type[Table]] = {
     "tolerance": ToleranceTable,
     "measured": MeasuredTable,
     "materials": MaterialsTable,
+    "cell": CellTable,
 }
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of the case file (draft 2020-12), for completion and validation in editors."""
-    models: list[type[BaseModel]] = [*TABLES.values(), MaterialTable, SectionTable, DefectTable, SupportTable]
+    models: list[type[BaseModel]] = [
+        *TABLES.values(),
+        MaterialTable,
+        SectionTable,
+        DefectTable,
+        SupportTable,
+        AttachedTable,
+    ]
     references, root = models_json_schema([(model, "validation") for model in models])
     of = {model: references[model, "validation"] for model in models}
     material = {"anyOf": [{"type": "string"}, of[MaterialTable]], "description": MATERIAL_ALLOWED}
@@ -714,6 +735,9 @@ def json_schema() -> dict[str, Any]:
     }  # fmt: skip
     for owner in filter(None, MATERIAL_OWNERS):
         root["$defs"][TABLES[owner].__name__]["properties"]["material"] = material
+    root["$defs"]["CellTable"]["properties"]["attached"] = {
+        "type": "array", "items": of[AttachedTable], "description": ATTACHED_ALLOWED
+    }  # fmt: skip
     tables["support"] = {"type": "array", "items": of[SupportTable], "description": SUPPORTS_ALLOWED}
     root["$defs"]["DefectTable"]["properties"]["material"] = material
     defects = {"type": "array", "items": of[DefectTable], "description": DEFECTS_ALLOWED}
@@ -728,6 +752,7 @@ LISTS: dict[str, type[Table]] = {
     "pillar.section": SectionTable,
     "defect": DefectTable,
     "support": SupportTable,
+    "cell.attached": AttachedTable,
 }
 
 
@@ -743,7 +768,7 @@ def known_keys() -> list[str]:
     constants += [f"cubic_GPa.{key}" for key in CubicTable.model_fields] + [f"orthotropic.{key}" for key in NINE]
     keys = ["name", "defect", *owners, *(f"{owner}.{key}" for owner in owners for key in constants)]
     keys += [f"{name}.0.{key}" for name, model in LISTS.items() for key in model.model_fields]
-    keys += [f"{name}.0.material" for name in LISTS if name != "support"]
+    keys += [f"{name}.0.material" for name in LISTS if name not in ("support", "cell.attached")]
     keys += ["patches.glue.material", "patches.glue.thickness_mm"]
     keys += [f"touch.impedance.{key}" for key in FingertipTable.model_fields]
     keys += [f"{table}.{key}" for table, model in TABLES.items() for key in model.model_fields]

@@ -13,24 +13,20 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.errors import MeshError
 from geometry.layout import Design, Pillar
-from geometry.mesh import Mesh
-from geometry.tiling import Panel
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.own_cell import compared
+from pipeline.models.step_cell import reduced_body, step_body
 from pipeline.models.unit_cell import CLEAR, LatticeModel, Pilot, good_enough, largest_of_alike
 from pipeline.models.user_mesh import UserMesh, read_bodies
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
 from solvers.accuracy.reduction import STILL
 from solvers.plates.own_cell import Body, OwnReductions, body_of
-from solvers.superelement.cell import Cell
 from solvers.superelement.interface import ReductionSettings
 from solvers.superelement.lattice import ReducedLattice
-
-SAME = 1e-6  # of a side: nodes at one place
 
 
 def read_cells(case: Case, files: Sequence[UserMesh], log: Log) -> tuple[list[Body], float]:
@@ -84,7 +80,7 @@ class OwnRows:
 
     def reductions(self, reduction: ReductionSettings) -> OwnReductions:
         """Reductions of the cell and of bare panels, with as many boundary functions as the cell's mesh can hold."""
-        along, through = _held(self.body.mesh)
+        along, through = self.body.held
         face = reduction.interface
         face = replace(face, along=min(face.along, along), through=min(face.through, through))
         most = max(min(reduction.further, through - face.through), 0)
@@ -117,10 +113,10 @@ def plate_cell(case: Case, bodies: Sequence[Body], ratio: float, log: Log, high_
         falls with the first power of the element size.
     """
     corners, count, design = case.path(1).corners, case.bands.count, replace(case.design, pillar=None)
-    first, (along, through) = mesh_rules.lattice_reduction(design, case.solve.accuracy), _held(bodies[-1].mesh)
+    first, (along, through) = mesh_rules.lattice_reduction(design, case.solve.accuracy), bodies[-1].held
     face = first.interface
     face = replace(face, along=min(face.along, along), through=min(face.through, through))
-    reduce, coarse = (partial(_reduced, case, body, log) for body in (bodies[0], bodies[-1]))
+    reduce, coarse = (partial(reduced_body, case, body, log) for body in (bodies[0], bodies[-1]))
     pilot = Pilot(coarse, through > face.through, along, through)
     settled = good_enough(reduce, pilot, replace(first, interface=face), corners, case, log, CLEAR * high_hz)
     reduction, lattice, bar, truncated, beyond = settled
@@ -155,10 +151,34 @@ def own_rows(case: Case, files: Sequence[UserMesh], log: Log, high_hz: float) ->
     """
     bodies, ratio = read_cells(case, files, log)
     known = plate_cell(case, bodies, ratio, log, high_hz).mesh_error if len(bodies) > 1 else None
+    return _laid_out(case, bodies[0], known)
+
+
+def step_rows(case: Case, edge_m: float, log: Log) -> OwnRows:
+    """Mesh the cell of a STEP file and lay its rows out next to the zone.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    edge_m : float
+        Edge length of the tetrahedra in m.
+    log : Log
+        Receives the progress.
+
+    Returns
+    -------
+    OwnRows
+        Stress recovery gives the discretisation error of its cells.
+    """
+    return _laid_out(case, step_body(case, edge_m, log), 0.0)
+
+
+def _laid_out(case: Case, body: Body, known: float | None) -> OwnRows:
     place = Pillar(
         "square", case.design.pitch_y_m, case.design.pitch_y_m, case.design.thickness_m, case.design.material
     )
-    return OwnRows(replace(case.design, pillar=place, graded=(), graded_pitches_m=()), bodies[0], known)
+    return OwnRows(replace(case.design, pillar=place, graded=(), graded_pitches_m=(), cell_file=None), body, known)
 
 
 def _change(fine: ReducedLattice, coarse: ReducedLattice, wavevector: FloatArray, count: int) -> float:
@@ -167,34 +187,3 @@ def _change(fine: ReducedLattice, coarse: ReducedLattice, wavevector: FloatArray
     moving = tones > STILL * tones[-1]
     rise = np.where(moving, np.abs(others / np.where(moving, tones, 1.0) - 1.0), 0.0)
     return float(largest_of_alike(tones, rise).max())
-
-
-def _held(mesh: Mesh) -> tuple[int, int]:
-    """Highest degrees of functions along the sides and through the thickness that the nodes of a mesh can hold.
-
-    Those of tetrahedra are counted as if they were evenly spaced.
-    """
-    counts = [len(mesh.nodes_of(side)) for side in ("x+", "y+")]
-    if mesh.kind == "hex":
-        places = [mesh.nodes[mesh.nodes_of(side)] for side in ("x+", "y+")]
-        along = min(_levels(points[:, axis]) for points, axis in zip(places, (1, 0), strict=True))
-        return along - 1, min(_levels(points[:, 2]) for points in places) - 1
-    side, thick = np.ptp(mesh.nodes[mesh.nodes_of("x+")], axis=0)[[1, 2]]
-    spacing = np.sqrt(side * thick / min(counts))
-    return max(int(side / spacing) - 1, 1), max(int(thick / spacing), 1)
-
-
-def _levels(places: FloatArray) -> int:
-    """Number of different places."""
-    return len(np.unique(np.round(places / (SAME * np.ptp(places)))))
-
-
-def _reduced(case: Case, body: Body, log: Log, reduction: ReductionSettings) -> Cell:
-    """Reduce a body."""
-    design = case.design
-    with log.step("reduce the own cell"):
-        reductions = OwnReductions(design.stack, None, reduction, lossy=case.is_lossy, body=body)
-        half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
-        cell = reductions.cell(Panel((-half_x, -half_y), (half_x, half_y), (0.0, 0.0)))
-    log.info(f"own cell: {body.mesh.dof} degrees of freedom on its mesh, {ReducedLattice(cell).dof} per wavevector")
-    return cell

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from math import ceil
 
 import numpy as np
@@ -62,6 +63,7 @@ THROUGH = 0.35  # of the accuracy: the next degree through the thickness costs a
 BY_MODES = 0.5  # of the truncation error: modes are cheaper than degrees
 MAX_BY_MESH = 0.8  # of the accuracy: above it, a finer mesh is cheaper than the small rest for truncation
 AIM = 0.7  # of the error allowed to truncation
+COARSER = 1.5  # times longer edges of the tetrahedra on which the reduction of a STEP file's cell is chosen
 MAX_DOF = 400  # per wavevector: beyond it, a dense solve costs more than the accuracy is worth
 Reduce = Callable[[ReductionSettings], Cell]
 Bar = tuple[float | None, float]  # relative discretisation error (None if unknown) and truncation error
@@ -102,7 +104,10 @@ def lattice_model(
     """
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     reduce = _reducer(choice, case, log, meshes, parted)
-    pilot = _coarse_pilot(case.design, case.bands.count)
+    if case.design.cell_file:
+        pilot, reduction = _own_pilot(case, choice, reduction, log)
+    else:
+        pilot = _coarse_pilot(case.design, case.bands.count)
     reduction, lattice, bar, error, beyond = good_enough(reduce, pilot, reduction, corners, case, log, CLEAR * high_hz)
     choice = replace(choice, reduction=reduction, hexahedra=reduction.hexahedra)
 
@@ -149,6 +154,8 @@ def truncated_bars(lattice: ReducedLattice, waves: Sequence[Waves], count: int, 
 def _reducer(choice: ModelChoice, case: Case, log: Log, meshes: list[MeshRecord], parted: bool = False) -> Reduce:
     """Return the function that reduces the cell on the mesh of a choice; the record of tetrahedra is added to `meshes`."""
     design = case.design
+    if design.cell_file:
+        return _own_reducer(choice, case, log, meshes)
     mesh, halved = tet_cell(design, choice.edge_m, log) if choice.edge_m else (None, ())
     panel = replace(lattice_panel(design), halved=halved) if mesh else lattice_panel(design)
     if mesh:
@@ -166,6 +173,31 @@ def _reducer(choice: ModelChoice, case: Case, log: Log, meshes: list[MeshRecord]
         return cell
 
     return reduce
+
+
+def _own_reducer(choice: ModelChoice, case: Case, log: Log, meshes: list[MeshRecord]) -> Reduce:
+    """Return the function that reduces the cell of the case's STEP file."""
+    from pipeline.models.step_cell import reduced_body, step_body
+
+    assert choice.edge_m
+    body = step_body(case, choice.edge_m, log)
+    meshes.append(mesh_record("cell", body.mesh))
+    return partial(reduced_body, case, body, log)
+
+
+def _own_pilot(
+    case: Case, choice: ModelChoice, reduction: ReductionSettings, log: Log
+) -> tuple[Pilot, ReductionSettings]:
+    """Coarser mesh of the case's STEP file, and the first settings that it can hold."""
+    from pipeline.models.step_cell import reduced_body, step_body
+
+    assert choice.edge_m
+    body = replace(step_body(case, COARSER * choice.edge_m, log), estimated=False)
+    along, through = body.held
+    face = reduction.interface
+    face = replace(face, along=min(face.along, along), through=min(face.through, through))
+    pilot = Pilot(partial(reduced_body, case, body, log), through > face.through, along, through)
+    return pilot, replace(reduction, interface=face)
 
 
 def reduced_cell(case: Case, choice: ModelChoice, log: Log) -> Cell:
@@ -353,7 +385,7 @@ def bare_cell(case: Case, interface: Interface, log: Log, parted: bool = False) 
 
     parted: with the stiffness of each material.
     """
-    design = replace(case.design, pillar=None)
+    design = replace(case.design, pillar=None, cell_file=None, attached=())
     reduction = replace(mesh_rules.lattice_reduction(design, case.solve.accuracy), interface=interface)
     with log.step("reduce the bare cell"):
         return Reductions(design.stack, None, reduction, CellCache(), parted=parted).cell(lattice_panel(design))

@@ -71,7 +71,8 @@ def hexahedra(case: Case, part: str) -> Simplification | None:
     tetrahedra.
     """
     design = case.design
-    if case.solve.mesh == "tet" or (part == "plate" and design.outline):
+    from_file = {"plate": design.outline, "cell": design.cell_file}.get(part)
+    if case.solve.mesh == "tet" or from_file:
         return None
     shaped = {"zone": False, "pillar": True, "cell": True, "plate": bool(design.rows)}[part]
     if not shaped or all(pillar.is_made_of_boxes for pillar in design.kinds):

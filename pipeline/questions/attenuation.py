@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from math import isfinite, nan, pi
 from typing import Any
 
-from pipeline.case.features import GROUPS, OF_A_PLATE
+from pipeline.case.features import ATTACHED, CELL, GROUPS, OF_A_PLATE
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_WAVENUMBER
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import AttenuationPoint
 from pipeline.quantity import KHZ, figure, frequency, level, level_with_bar, several, with_bar
-from pipeline.questions.bands import plan_of_cell
+from pipeline.questions.bands import check_own_cell, plan_of_cell
 from pipeline.questions.cell_meshes import OfCellMeshes
 from pipeline.questions.late import (
     Axes,
@@ -240,9 +240,9 @@ def over(result: Result, frequency_hz: FloatArray) -> str:
 
 class Attenuation(
     Question[AttenuationResult],
-    needs=("plate", "array.pitch_mm", "pillar"),
+    needs=("plate", "array.pitch_mm"),
     pictures=("report.gallery.attenuation",),
-    honours=OF_A_PLATE,
+    honours=(*OF_A_PLATE, CELL, ATTACHED),
     at_own_frequencies=True,
 ):
     """Compute the attenuation per row in dB across the border of the zone, at a wavenumber along it.
@@ -264,6 +264,9 @@ class Attenuation(
         from pipeline.planning.model_choice import SOLID
 
         super().check(case)
+        if not (case.design.cell_file or case.design.attached or "mesh_file" in self.options):
+            case.require("pillar", command="attenuation")
+        check_own_cell(case, "attenuation")
         case.require_one_kind("attenuation per row is")
         if self.kx_per_m is None:
             case.require("zone", command="attenuation without --kx")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from pipeline import quantity
-from pipeline.case.features import DEFECTS, GROUPS, OF_A_PLATE
+from pipeline.case.features import ATTACHED, CELL, DEFECTS, GROUPS, OF_A_PLATE
 from pipeline.errors import InputError
 from pipeline.quantity import KHZ, several
 from pipeline.questions.cell_meshes import OfCellMeshes
@@ -399,12 +399,23 @@ def plan_of_cell(case: Case, step: Step) -> Plan:
     return plans.plan_of(case, step, simplifications.no_plate_modes(), given, simplifications.no_figures())
 
 
+def check_own_cell(case: Case, command: str) -> None:
+    """Raise InputError for what a cell from a file cannot have: a solid model, and moduli over frequency."""
+    design, where, said = case.design, case.source or case.name, []
+    if case.solve.model == "solid" and (design.cell_file or design.attached):
+        said.append(f"solve.model = 'solid': must be auto or superelement for {command} with [cell]")
+    if design.cell_file and any(material.spectrum for material in case.materials) and case.solve.moduli_kHz is None:
+        said.append(f"young_GPa_at: {command} with cell.file needs solve.moduli_kHz, at which moduli are taken")
+    if said:
+        raise InputError(f"{where}: {line}" for line in said)
+
+
 class Bands(
     Question[BandsResult],
     needs=("plate", "array.pitch_mm"),
     pictures=("report.gallery.dispersion",),
     at_own_frequencies=True,
-    honours=OF_A_PLATE,
+    honours=(*OF_A_PLATE, CELL, ATTACHED),
 ):
     """Compute Bloch bands and gaps of the unit cell along the case's path.
 
@@ -419,7 +430,8 @@ class Bands(
         super().check(case)
         case.require_one_kind("bands are")
         case.path(1)
-        if case.design.pillar is None and case.design.rows:
+        check_own_cell(case, "bands")
+        if case.design.pillar is None and case.design.rows and not case.design.cell_file:
             raise InputError(f"{case.name}: array.rows = {case.design.rows}: must be 0 in a case without a [pillar]")
 
     @classmethod

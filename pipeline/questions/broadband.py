@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from math import nan
 from typing import Any
 
-from pipeline.case.features import GROUPS
+from pipeline.case.features import CELL, GROUPS
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.answer_parts import BroadbandPoint
 from pipeline.quantity import KHZ, frequency_with_bar, interval, with_bar
 from pipeline.quantity import figure as in_digits
 from pipeline.questions.attenuation import over
+from pipeline.questions.bands import check_own_cell
 from pipeline.questions.cell_meshes import OfCellMeshes
 from pipeline.questions.late import Axes, Case, Plan, ReportFigure, confinement, np, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
@@ -153,7 +154,8 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
 
 class Broadband(
     Question[BroadbandResult],
-    needs=("plate", "zone", "pillar", "array.pitch_mm", "array.rows"),
+    needs=("plate", "zone", "array.pitch_mm", "array.rows"),
+    honours=(CELL,),
     example="broadband studies/three-rows.toml --set array.heights_mm=[6.3,6.0,5.7] --band 25kHz:45kHz",
 ):
     """Compute the attenuation by the rows and the confinement of a driven zone over frequency, in dB; rows may differ.
@@ -170,10 +172,14 @@ class Broadband(
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without rows of pillars that hexahedra can mesh."""
-        from pipeline.models.broadband import checked
+        from pipeline.models.broadband import check_rows, checked
 
         super().check(case)
-        checked(case)
+        if not case.design.cell_file:
+            checked(case)
+            return
+        check_own_cell(case, "broadband")
+        check_rows(case)
 
     @classmethod
     def spared(cls, case: Case) -> simplifications.Simplification | None:
@@ -186,7 +192,13 @@ class Broadband(
     def compute(self, case: Case, plan: Plan, run: Run) -> BroadbandResult:
         from pipeline.models.broadband import broadband
 
-        return BroadbandResult(**broadband(case, run, hz(self.band_kHz), self.points))
+        own = None
+        if case.design.cell_file:
+            from pipeline.models.plate_cell import step_rows
+            from pipeline.planning.mesh_rules import tet_cell_edge_m
+
+            own = step_rows(case, tet_cell_edge_m(case.design, case.solve.accuracy), run)
+        return BroadbandResult(**broadband(case, run, hz(self.band_kHz), self.points, own=own))
 
 
 class MeshBroadband(

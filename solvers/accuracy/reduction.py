@@ -42,7 +42,7 @@ from solvers.accuracy.mesh import ErrorFractions, Nested, StressRecovery, shares
 from solvers.fem.assembly import on_components
 from solvers.fem.eigen import PlainPencil, count_below
 from solvers.fem.factor import Factoriser, parallel_map
-from solvers.superelement.cell import Cell, MeshError, ResidualModes, check_rigid
+from solvers.superelement.cell import Cell, MeshError, ResidualModes
 from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.reduction import CellBuilder, SymmetryClass
 from solvers.threads import one_thread
@@ -760,7 +760,7 @@ def _corrected(
         whole - taken * change for whole, change in zip((cell.stiffness, cell.mass), by_layer, strict=True)
     )
     better = replace(cell, stiffness=stiffness, mass=mass, mesh_error=error)
-    check_rigid(better, float(builder.system.mass.sum()) * builder.copies)
+    builder.check(better)
     return better
 
 

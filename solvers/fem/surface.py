@@ -396,6 +396,90 @@ def facet_quadrature(
     return joined([_uncut(nodes, faces[~cut], order), *rules])
 
 
+def boundary_facets(mesh: AnyMesh) -> list[tuple[IntArray, IntArray]]:
+    """List the facets that belong to one element only.
+
+    Parameters
+    ----------
+    mesh : AnyMesh
+        The mesh.
+
+    Returns
+    -------
+    list of tuple
+        For each shape of facets, their corners in a ring (n, 3) or (n, 4), and all their nodes.
+    """
+    kinds: dict[int, list[tuple[IntArray, IntArray]]] = {}
+    for block in mesh.blocks:
+        for local in block.element.facets:
+            ring = corner_ring(local, block.order)
+            rows = (block.cells[:, each].reshape(-1, each.shape[1]) for each in (ring, local))
+            kinds.setdefault(ring.shape[1], []).append(tuple(rows))  # type: ignore[arg-type]
+    outer = []
+    for parts in kinds.values():
+        corners, full = (np.vstack(each) for each in zip(*parts, strict=True))
+        _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
+        outer.append((corners[first[count == 1]], full[first[count == 1]]))
+    return outer
+
+
+def facet_places(
+    nodes: FloatArray, facets: IntArray, order: int, at_m: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Find points on plane facets of one shape, and the weights of their nodes.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (n, 2)
+        In m.
+    facets : ndarray of int, shape (f, k)
+        Nodes of the facets.
+    order : int
+        Order of the elements.
+    at_m : ndarray, shape (q, 2)
+        Points.
+
+    Returns
+    -------
+    found : ndarray of int, shape (p,)
+        Points that lie on a facet, each once.
+    own : ndarray of int, shape (p, k)
+        Nodes of that facet.
+    values : ndarray, shape (p, k)
+        Their weights.
+    """
+    none = np.empty((0, facets.shape[1]))
+    solid, found, own, values = None, [], [none.astype(np.int64)], [none]
+    corners = nodes[facets]
+    low, high = corners.min(axis=1, initial=np.inf), corners.max(axis=1, initial=-np.inf)
+    for number, point in enumerate(at_m):
+        for facet in np.flatnonzero(((low <= point + NEAR) & (high >= point - NEAR)).all(axis=1)):
+            solid = solid or _solid(facets.shape[1], order)
+            weights = _within(solid, nodes[facets[facet]], point)
+            if weights is not None:
+                found.append(number)
+                own.append(facets[[facet]])
+                values.append(weights[None])
+                break
+    return np.array(found, dtype=np.int64), np.concatenate(own), np.concatenate(values)
+
+
+NEAR, STEPS, INSIDE = 1e-12, 12, 1e-6  # m; of Newton; of the reference facet
+
+
+def _within(solid: tuple[Element, IntArray], corners: FloatArray, point: FloatArray) -> FloatArray | None:
+    """Values (k,) of a facet's functions at a point of its plane; None outside it."""
+    is_triangle = solid[0].points[solid[1], :2].min() >= 0.0
+    at = np.full(2, 1.0 / 3.0 if is_triangle else 0.0)
+    for _ in range(STEPS):
+        value, slope = _shape(solid, at[None])
+        at = at + np.linalg.solve((slope[:, 0] @ corners).T, point - value[0] @ corners)
+    value = _shape(solid, at[None])[0][0]
+    ends = (at.min(), 1.0 - at.sum()) if is_triangle else (1.0 - np.abs(at).max(), 1.0)
+    hits = np.abs(value @ corners - point).max() <= INSIDE * np.ptp(corners, axis=0).max()
+    return value if min(ends) >= -INSIDE and hits else None
+
+
 def triangles(facets: IntArray) -> IntArray:
     """Split facets into triangles.
 

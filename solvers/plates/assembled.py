@@ -27,6 +27,7 @@ from solvers.fem.factor import parallel_map
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
+from solvers.superelement.attached import carried, with_attached
 from solvers.superelement.cell import Cell, restricted
 from solvers.superelement.interface import ReductionSettings
 from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
@@ -96,6 +97,8 @@ class Reductions:
         else:
             mesh, better = self._mesh(panel, self.settings(panel)).mesh, self.coarser(panel)
         system = self.system(mesh, self.lossy, self.materials if self.parted else ())
+        if panel.attached:
+            system = with_attached(system, panel.attached, self.stack.thickness_m)
         return self._finished(
             reduce_cell(system, reduction.ample, reduction.top_hz, panel.halved, panel.free, better), system
         )
@@ -159,8 +162,11 @@ class Reductions:
 
         def nested(fine: PatchedMesh, other: HexSettings) -> Nested[CellBuilder]:
             coarse = self._mesh(panel, other)
-            builder = CellBuilder(self.system(coarse.mesh), reduction.ample, panel.halved, panel.free)
-            return Nested(builder, transfer(coarse, fine))
+            system, field = self.system(coarse.mesh), transfer(coarse, fine)
+            if panel.attached:
+                system = with_attached(system, panel.attached, self.stack.thickness_m)
+                field = carried(field, panel.attached)
+            return Nested(CellBuilder(system, reduction.ample, panel.halved, panel.free), field)
 
         def extrapolate(cell: Cell, fine: CellBuilder, parts: list[SymmetryClass]) -> Cell:
             mesh = self._mesh(panel, settings)

@@ -14,11 +14,12 @@ from geometry.mesh import AnyMesh, Mesh
 from geometry.tiling import Panel
 from solvers.accuracy.mesh import StressRecovery
 from solvers.accuracy.reduction import recovered
+from solvers.fem.surface import boundary_facets
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell, MeshError
 from solvers.superelement.interface import SIDES
 from solvers.superelement.reduction import CellBuilder, Coarser, SymmetryClass, reduce_cell
-from solvers.waves.bloch import Side, boundary_facets, sides
+from solvers.waves.bloch import Side, sides
 
 FLUSH = 1e-6  # of the thickness: largest distance of a side from that of bare plate, and of its area
 STANDING = "section "  # regions of elements on the plate
@@ -34,6 +35,22 @@ class Body:
     mesh: Mesh
     materials: dict[str, Material]
     estimated: bool = False
+
+    @property
+    def held(self) -> tuple[int, int]:
+        """Highest degrees of functions along the sides and through the thickness that the mesh can hold.
+
+        The nodes of tetrahedra are counted as if they were evenly spaced.
+        """
+        mesh = self.mesh
+        places = [mesh.nodes[mesh.nodes_of(side)] for side in ("x+", "y+")]
+        if mesh.kind == "hex":
+            along = min(_levels(points[:, axis]) for points, axis in zip(places, (1, 0), strict=True))
+            return along - 1, min(_levels(points[:, 2]) for points in places) - 1
+        lengths = np.ptp(places[0], axis=0)[1], np.ptp(places[1], axis=0)[0]
+        thick, least = float(np.ptp(places[0][:, 2])), min(map(len, places))
+        spacing = np.sqrt(min(lengths) * thick / least)
+        return max(int(min(lengths) / spacing) - 1, 1), max(int(thick / spacing), 1)
 
 
 def body_of(mesh: AnyMesh, materials: dict[str, Material], design: Design, estimated: bool = False) -> Body:
@@ -77,6 +94,11 @@ def body_of(mesh: AnyMesh, materials: dict[str, Material], design: Design, estim
         for sign, name in zip((-1.0, 1.0), SIDES[2 * axis : 2 * axis + 2], strict=True):
             nodes[np.unique(faces[name]), axis] = sign * half
     return Body(replace(mesh, nodes=nodes, faces=faces, regions=regions, spans=None), own, estimated)
+
+
+def _levels(places: FloatArray) -> int:
+    """Number of different places."""
+    return len(np.unique(np.round(places / (FLUSH * np.ptp(places)))))
 
 
 def _fault(mesh: Mesh, side: Side | None, size: FloatArray, thickness: float) -> str:

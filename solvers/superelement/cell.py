@@ -227,7 +227,8 @@ class Cell:
     (modes, 2) under the cell's mirrors (0 without); touch: u_z on the touch face; skin: corners of the outer skin;
     bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None unless they form a tensor
     grid); pillar_mass: the share of M_r that moves in the pillar; loss: K_r with each material's part times its loss factor;
-    by_material (materials, dof, dof): the part of each in K_r (both None unless asked for).
+    by_material (materials, dof, dof): the part of each in K_r (both None unless asked for). grounded: whether springs hold it
+    to the ground, so that it does not move freely along z.
 
     No fixed-interface mode below dropped_hz was left out. `dropped` (boundary, boundary) is the residual flexibility of those
     left out (`ResidualModes`): (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
@@ -251,6 +252,7 @@ class Cell:
     further: Further | None = None
     loss: FloatArray | None = None
     by_material: FloatArray | None = None
+    grounded: bool = False
 
     @property
     def dof(self) -> int:
@@ -390,15 +392,15 @@ def mirrored(
     return (points * flips[:, None]).reshape(-1, 3), matrix.reshape(-1, *matrix.shape[2:])
 
 
-def check_rigid(cell: Cell, whole: float) -> None:
+def check_rigid(cell: Cell, whole: FloatArray | float) -> None:
     """Check that rigid-body modes carry no stiffness and that translations carry the whole mass.
 
     Parameters
     ----------
     cell : Cell
         The reduced cell.
-    whole : float
-        Mass of the full mesh, scaled.
+    whole : ndarray, shape (3,), or float
+        Mass of the full mesh that moves along each axis, scaled.
 
     Raises
     ------

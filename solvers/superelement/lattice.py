@@ -201,8 +201,9 @@ class ReducedLattice:
         free = turn.diagonal(wavevector)[:, None] * free if turn else free
         still = np.abs(values) < self.rounding
         if _in_phase(self._phases(wavevector)):
-            moved = np.empty((self.dof, 3))
-            moved[self.column] = rigid_boundary(self.cell)[:, :3]
+            axes = 2 if self.cell.grounded else 3
+            moved = np.empty((self.dof, axes))
+            moved[self.column] = rigid_boundary(self.cell)[:, :axes]
             still |= _translates(moved, matrices[1], free)
         return np.where(still, 0.0, values), free
 

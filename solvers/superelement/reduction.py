@@ -75,7 +75,7 @@ def reduce_cell(
         build = CellBuilder(system, interface, halved, free)
         parts = build.classes(top_hz)
         cell = build.join(parts)
-    check_rigid(cell, float(system.mass.sum()) * build.copies)
+    build.check(cell)
     return coarser(cell, build, parts) if coarser else cell
 
 
@@ -154,6 +154,13 @@ class CellBuilder:
         self._known: dict[int, tuple[SymmetryClass, tuple[FloatArray, ...]]] = {}
         self.field = self._boundary_field(mesh)
 
+    def check(self, cell: Cell) -> None:
+        """Check the rigid-body modes and the mass of a reduced cell that moves freely. Errors as `check_rigid`."""
+        mass, upright = self.system.mass, list(self.system.upright)
+        if not self.system.grounded:
+            whole, hung = float(mass.sum()), float(mass.diagonal()[upright].sum()) if upright else 0.0
+            check_rigid(cell, self.copies * np.array([whole - hung, whole - hung, whole]))
+
     def _boundary_field(self, mesh: AnyMesh) -> FloatArray:
         """Scalar boundary functions at the boundary nodes, shape (b, count / 3)."""
         nodes = mesh.nodes[self.boundary]
@@ -201,7 +208,9 @@ class CellBuilder:
     def _inside(self, signs: dict[int, int]) -> BoolArray:
         """Free degrees of freedom (n, 3) of one symmetry class."""
         mirrors = {face: "S" if signs[axis] > 0 else "A" for axis, face in self.planes.items()}
-        return self.inside & free_mask(self.system.mesh, (), mirrors)
+        inside = self.inside & free_mask(self.system.mesh, (), mirrors)
+        inside[list(self.system.upright), :2] = False
+        return inside
 
     def _at_boundary(self, basis: FloatArray) -> FloatArray:
         """The boundary's motion P, zero inside, (3n, m)."""
@@ -223,7 +232,9 @@ class CellBuilder:
         # stored zeros dropped, as in every shifted matrix
         factor = factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
         shapes = boundary - sector.spread(factor.solve(sector.restrict(self._pull(boundary))))
-        return ClampedBoundaryClass(basis, self._moved_rigidly(basis, shapes), sector, factorise, factor)
+        if not self.system.grounded:
+            shapes = self._moved_rigidly(basis, shapes)
+        return ClampedBoundaryClass(basis, shapes, sector, factorise, factor)
 
     def _moved_rigidly(self, basis: FloatArray, shapes: FloatArray) -> FloatArray:
         """Constraint shapes (3n, m) that follow a rigid-body motion of the boundary exactly.
@@ -236,7 +247,9 @@ class CellBuilder:
         own[np.abs(own) < SAME * np.abs(rigid).max()] = 0.0  # motions of other classes
         middle = np.array([0.0, 0.0, self.thickness / 2.0])
         within = np.linalg.lstsq(rigid, basis @ own, rcond=None)[0]  # a class's part of a rigid-body motion is one, too
-        exact = rigid_body_modes(self.system.mesh.nodes, middle, max(size_m) / 2.0).reshape(-1, 6) @ within
+        motions = rigid_body_modes(self.system.mesh.nodes, middle, max(size_m) / 2.0).reshape(-1, 3, 6)
+        motions[list(self.system.upright), :2] = 0.0
+        exact = motions.reshape(-1, 6) @ within
         return np.asarray(shapes + (exact - shapes @ own) @ np.linalg.pinv(own, rcond=SAME))
 
     def _sector(self, signs: dict[int, int], half: int) -> Sector:
@@ -290,6 +303,7 @@ class CellBuilder:
             system.mesh.dof * self.copies,
             bare=self._bare(parts, places),
             loss=None if loss is None else (loss + loss.T) / 2.0,
+            grounded=system.grounded,
             by_material=(by_material + by_material.swapaxes(1, 2)) / 2.0 if len(by_material) else None,
         )
 

@@ -15,12 +15,13 @@ from math import gcd
 import numpy as np
 import scipy.sparse as sp
 
-from geometry.elements import BoolArray, FloatArray, IntArray, corner_ring
+from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.errors import MeshError
 from geometry.lattice import Lattice
 from geometry.mesh import AnyMesh
 from solvers.fem.assembly import System
 from solvers.fem.eigen import PlainPencil, lowest_pairs
+from solvers.fem.surface import boundary_facets
 
 REAL_PHASE = 1e-12
 MATCH = 1e-6  # of the pitch: how far opposite nodes may lie apart
@@ -287,33 +288,6 @@ def sides(mesh: AnyMesh, pitch_m: float) -> list[Side]:
             turns += np.arctan2(sign * flat[outmost, 1], sign * flat[outmost, 0]).round(DIGITS).tolist()
             found += list(zip(corners[upright[outmost]], full[upright[outmost]], strict=True))
     return [_side([found[place] for place in group], turns[group[0]]) for group in _alike(turns)]
-
-
-def boundary_facets(mesh: AnyMesh) -> list[tuple[IntArray, IntArray]]:
-    """List the facets that belong to one element only.
-
-    Parameters
-    ----------
-    mesh : AnyMesh
-        The mesh.
-
-    Returns
-    -------
-    list of tuple
-        For each shape of facets, their corners in a ring (n, 3) or (n, 4), and all their nodes.
-    """
-    kinds: dict[int, list[tuple[IntArray, IntArray]]] = {}
-    for block in mesh.blocks:
-        for local in block.element.facets:
-            ring = corner_ring(local, block.order)
-            rows = (block.cells[:, each].reshape(-1, each.shape[1]) for each in (ring, local))
-            kinds.setdefault(ring.shape[1], []).append(tuple(rows))  # type: ignore[arg-type]
-    outer = []
-    for parts in kinds.values():
-        corners, full = (np.vstack(each) for each in zip(*parts, strict=True))
-        _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
-        outer.append((corners[first[count == 1]], full[first[count == 1]]))
-    return outer
 
 
 def _extent(nodes: FloatArray, directions: FloatArray) -> FloatArray:

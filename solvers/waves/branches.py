@@ -445,8 +445,17 @@ class Mirrors:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Mirrors that the cell has. x and y are those it was reduced with; the diagonal one is looked for."""
-        flat = [name for name, axis in AXES.items() if (self.cell.fixed_parity[:, axis] != 0).all()]
+        flat = [name for name, axis in AXES.items() if self._is_kept(axis)]
         return (*flat, "d") if self._diagonal is not None else tuple(flat)
+
+    def _is_kept(self, axis: int) -> bool:
+        """Whether a mirror was used; without fixed-interface modes that have signs, whether K_r is its own image."""
+        if len(self.cell.fixed_parity):
+            return bool((self.cell.fixed_parity[:, axis] != 0).all())
+        where, sign = self.cell.interface.mirror(axis)
+        stiffness = self.cell.stiffness
+        image = sign[:, None] * stiffness[np.ix_(where, where)] * sign
+        return bool(np.abs(image - stiffness).max() <= SAME * np.abs(stiffness).max())
 
     def keeping(self, wavevector: FloatArray) -> tuple[str, ...]:
         """The mirrors that keep a wavevector (2,) in rad/m up to a reciprocal vector."""

@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 from pipeline.case.features import (
+    ATTACHED,
+    CELL,
     DEFECTS,
     FEATURES,
     GROUPS,
@@ -43,6 +45,12 @@ TABLES: dict[str, dict[str, Any]] = {
     STRESS: {"support": [{"kind": "simple", "edge": "x+"}], "solve": {"temperature_C": 60.0}},
     GROUPS: {"materials": {"ROOF": "steel"}},
     DEFECTS: {"defect": [{"at": [0, 0], "remove": True}]},
+    CELL: {"cell": {"file": str(FILE)}, "pillar": None},
+    ATTACHED: {
+        "cell": {"attached": [{"at_mm": [1.5, 1.5], "mass_g": 0.01}]},
+        "pillar": None,
+        "array": {"pitch_mm": 6.0},
+    },
 }
 ALLOY = {"density_kg_m3": 2700.0, "young_GPa": 70.0, "poisson": 0.33}
 WORDS = {
@@ -56,7 +64,7 @@ ABOUT_CASES = {name: kind for name, kind in known().items() if kind.without_case
 
 
 def case_with(feature: str) -> Case:
-    return case_from_dict(SMALL | TABLES[feature])
+    return case_from_dict({name: own for name, own in (SMALL | TABLES[feature]).items() if own is not None})
 
 
 def test_there_is_a_case_of_each_feature() -> None:
