@@ -343,6 +343,10 @@ def _late(board: Any) -> int | None:
     return last if board.state == FAULT and tick > last else None
 
 
+def _runs(board: Any) -> bool:
+    return bool(board.state == RUN)
+
+
 def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[Row]:
     """Yield the rows measured on the images of both builds. Raises BuildError."""
     from firmware.emulate.images import EmulatedSingle, EmulatedSix
@@ -364,6 +368,7 @@ def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[
         ("one mode", single, single_stride, single_kinds, bits_of(ffi, "an_single", WORDS)),
         ("six channels", six, six_stride, six_kinds, bits_of(ffi, "an_six", SIX_WORDS)),
     ):
+        board.run_until(partial(_runs, board), 5.0)  # after the check of a first start
         board.run(0.3)
         trials = {f"image, {name}: {what}": breaking(go_wrong) for what, go_wrong in kinds.items()}
         trials[f"image, {name}: flipped bit"] = flipping(bits)
