@@ -237,6 +237,7 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
         )
         warn(estimate.total, case, log)
     expected = refinement.log_mesh_error(choice, case, log, _by_the_mesh(part_modes, part_modes.all_rows(query.search)))
+    _say_what_may_lie_below_the_end(part_modes, query, log)
     return replace(
         with_quality(case, _with_level_bars(case, _with_errors(part_modes))),
         reduction_error=estimate.worst if estimate else None,
@@ -310,6 +311,18 @@ def _with_both(part_modes: PartModes) -> PartModes:
         return replace(row, computed_hz=row.frequency_hz, frequency_hz=row.frequency_hz * (1.0 - taken))
 
     return part_modes.each(with_both)
+
+
+def _say_what_may_lie_below_the_end(part_modes: PartModes, query: Request, log: Log) -> None:
+    """Log how far below the end of a band a mode may lie that the mesh of a whole body puts above it."""
+    if query.band_hz is None or isinstance(part_modes.model, PlateModel) or not part_modes.rows:
+        return
+    taken = max(1.0 - row.frequency_hz / row.computed_hz if row.computed_hz else 0.0 for row in part_modes.rows)
+    if taken > 0.0:
+        log.info(
+            f"band: those of the mesh, up to {percent(taken)} above the modes: a mode as close below its upper end may be "
+            "missing, and a wider band shows it"
+        )
 
 
 def _with_errors(part_modes: PartModes) -> PartModes:

@@ -67,3 +67,12 @@ def test_about_a_frequency_every_class_is_asked_for_all() -> None:
 )
 def test_nothing_is_foreseen_for_a_band_or_a_reduced_plate(query: Request) -> None:
     assert coarse_modes(CASE, query, choice(query)) is None
+
+
+def test_a_band_of_a_body_meshed_whole_says_what_may_be_missing_below_its_end() -> None:
+    """The pillar's first pair lies at 39.11 kHz, and on the mesh above 39.12 kHz."""
+    case = load_case("examples/small.toml", ["solve.accuracy=0.1"])
+    asked = [(Request("pillar", band_hz=(10e3, end)), RecordingLog()) for end in (39.12e3, 39.2e3, 150e3)]
+    missing, found, more = (modes.solve_modes(case, query, log).rows for query, log in asked)
+    assert (len(missing), len(found), len(more)) == (0, 2, 3) and found[0].frequency_hz < 39.12e3
+    assert any("a mode as close below its upper end may be missing" in fact for fact in asked[2][1].facts)
