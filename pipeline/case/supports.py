@@ -99,7 +99,10 @@ def check_places(design: Design, diagnostics: Diagnostics) -> None:
             diagnostics.add(key, at, f"the disc must lie on the plate, {reach} mm")
         elif support.kind not in ON_DISCS:
             stiff = RIGID * design.stack.back.average.young_pa * radius
-            what = f"a {support.kind} on a disc is not available: a spring of {figure(stiff, 0.1 * stiff)} N/m holds its u_z"
+            what = (
+                "must be spring or mass on a disc: clamp, simple and foam are for edges (a spring with "
+                f"stiffness_N_per_m = {figure(stiff / 1e9, 0.1 * stiff / 1e9)}e9 holds the disc's u_z)"
+            )
             diagnostics.add(f"support.{number}.kind", support.kind, what)
         elif _meets_pillars(design, support):
             diagnostics.add(

@@ -35,14 +35,14 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import eigh, eigvalsh
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.accuracy.mesh import ErrorFractions, Nested, StressRecovery, shares_of, smooth_half_width
 from solvers.fem.assembly import on_components
 from solvers.fem.eigen import PlainPencil, count_below
 from solvers.fem.factor import Factoriser, parallel_map
-from solvers.superelement.cell import Cell, MeshError, ResidualModes
+from solvers.superelement.cell import MAX_SHARE, Cell, MeshError, ResidualModes, largest, metrics
+from solvers.superelement.clamped import missed
 from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.reduction import CellBuilder, SymmetryClass
 from solvers.threads import one_thread
@@ -51,9 +51,6 @@ if TYPE_CHECKING:
     from solvers.superelement.lattice import BlochPlate, Periodic, ReducedLattice, Waves
 
 WIDER = 1.15  # factor on the limit for modes of the coarser mesh, which lie above their partners
-MAX_SHARE = 0.9  # largest correction of K or M in any direction: they stay positive
-RELATIVE_SHIFT = 1e-9
-NULL_TOLERANCE = 1e-10  # of the mean stiffness or mass of a function: rounding
 NestedBuilder = Nested[CellBuilder]
 ALIKE = 0.5  # singular value of the modal overlap from which a direction has its partner on the coarser mesh
 
@@ -67,9 +64,6 @@ MARGIN = 2.0  # single modes may exceed the truncation estimate slightly, the wo
 # part of the rise without the last degree through the thickness that further ones cause in a plate thin for its waves: its free
 # edges' boundary layers, sin(pi z / t) at their slowest, leave these up to 0.04
 EDGE_LAYER = 0.03
-
-# a of an edge that is clamped on one face and free on the next: 0.6 or more up to a Poisson's ratio of 0.45
-CLAMP_EXPONENT, CLAMP_MARGIN = 0.6, 1.5
 
 Joined: TypeAlias = "AssembledPlate | BlochPlate"  # their degrees of freedom are those of their cells
 
@@ -334,36 +328,15 @@ def by_mesh(
         shares = shares_of(error)
         rim += shares.rim * by_layer
         order += by_order - error.edge * by_layer
-        if placed_cell.clamped:
-            clamps += at_clamp(error.order) * np.abs(by_order - error.edge * by_layer)
+        if placed_cell.softened is not None:
+            at_edge = by_order - error.edge * by_layer
+            taken += placed_cell.softened * at_edge
+            clamps += (2.0 * missed(error.order) - placed_cell.softened) * np.abs(at_edge)
         if shares.doubt:
             beyond += shares.doubt * error.taken * (by_layer - by_order / error.edge)
     known = [each.cell.mesh_error for each in plate.placed_cells]
     smooth = smooth_half_width(order, AWAY, min((error.order for error in known if error), default=0))
     return taken, rims * np.abs(rim) + smooth + clamps + np.maximum(beyond, 0.0)
-
-
-def at_clamp(order: int) -> float:
-    """Compute the error of elements at a clamped edge, where displacements go as r^a, relative to the last order's change.
-
-    Without graded elements the energy's error goes as p^(-4a), so that order p misses r = 1 / ((p/(p-1))^(4a) - 1) of the
-    change from p - 1 to p; CLAMP_MARGIN r counts, because elements are not small beside the plate near the edge.
-
-    Parameters
-    ----------
-    order : int
-        p.
-
-    Returns
-    -------
-    float
-        Dimensionless.
-
-    References
-    ----------
-    .. [1] babuska1981 (docs/references.bib)
-    """
-    return CLAMP_MARGIN / ((order / max(order - 1.0, 0.5)) ** (4.0 * CLAMP_EXPONENT) - 1.0)
 
 
 def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:
@@ -748,8 +721,8 @@ def _corrected(
 ) -> Cell:
     """The cell less a fraction of its change by the layer, limited so that K and M stay positive; the rest is uncertain."""
     limits = [
-        MAX_SHARE / _largest(change, whole)
-        for change, whole in zip(by_layer, _metrics(cell), strict=True)
+        MAX_SHARE / largest(change, whole)
+        for change, whole in zip(by_layer, metrics(cell), strict=True)
         if change.any()
     ]
     taken = min([shares.correction, *limits])
@@ -812,25 +785,6 @@ def _alignment(
 def _widened(named: FloatArray, lent: FloatArray, turn: FloatArray) -> FloatArray:
     """The boundary's degrees of freedom with the modes' part in them, next to a rotation of the modes."""
     return np.block([[named, np.zeros((len(named), turn.shape[1]))], [lent, turn]])
-
-
-def _metrics(cell: Cell) -> tuple[FloatArray, FloatArray]:
-    """Metrics of the changes of K and M: M, and K plus a small multiple of M, which gives rigid-body modes some stiffness."""
-    slight = RELATIVE_SHIFT * cell.stiffness.trace() / cell.mass.trace()
-    return cell.stiffness + slight * cell.mass, cell.mass
-
-
-def _largest(change: FloatArray, metric: FloatArray) -> float:
-    """Largest eigenvalue of a change relative to a metric, at least MAX_SHARE, over the functions that carry something.
-
-    Functions of free sides carry nothing, nor do those that a coarse mesh of tetrahedra cannot distinguish from others.
-    """
-    nonzero = np.flatnonzero(np.diag(metric) > 0.0)
-    square, unit = np.ix_(nonzero, nonzero), np.sqrt(np.diag(metric)[nonzero])
-    values, turn = eigh(metric[square] / np.outer(unit, unit))
-    kept = values > NULL_TOLERANCE
-    turn = turn[:, kept] / np.sqrt(values[kept]) / unit[:, None]
-    return max(MAX_SHARE, float(eigvalsh(turn.T @ change[square] @ turn)[-1]))
 
 
 def _by_further(plate: Joined, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:

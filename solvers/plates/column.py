@@ -243,7 +243,7 @@ class _PlacedCell:
     dofs: IntArray
     index: int = 0
     copies: int = 1
-    clamped: ClassVar[bool] = False  # a column has free edges
+    softened: ClassVar[float | None] = None  # a column has free edges
 
     @property
     def cell(self) -> Cell:

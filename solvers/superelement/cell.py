@@ -9,7 +9,7 @@ from math import inf
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import eigh
+from scipy.linalg import eigh, eigvalsh
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
@@ -111,6 +111,9 @@ class ResidualModes:
 
 # -- cell --------------------------------------------------------------------------------------------------------------
 
+MAX_SHARE = 0.9  # largest correction of K or M in any direction: they stay positive
+RELATIVE_SHIFT = 1e-9
+NULL_TOLERANCE = 1e-10  # of the mean stiffness or mass of a function: rounding
 RIGID = 1e-8
 # of the mass: slender stiff pillars on a soft plate follow it to 1e-8 times their stiffness over the plate's
 MASS_TOLERANCE = 1e-6
@@ -463,7 +466,7 @@ def rigid_polynomials(face: Interface, size_m: tuple[float, float, float]) -> Fl
 @dataclass(frozen=True)
 class PlacedCell:
     """A cell in the plate: which reduction, its middle (m), its degrees of freedom among the reduced plate's, their
-    coefficients, and whether the plate is clamped there, whose edge is singular.
+    coefficients, and at a clamped edge, which is singular, the share of the last order's change that is taken from the cell.
     """
 
     cell: Cell
@@ -471,4 +474,44 @@ class PlacedCell:
     dofs: IntArray
     coefficient: FloatArray
     copies: int
-    clamped: bool = False
+    softened: float | None = None
+
+
+def metrics(cell: Cell) -> tuple[FloatArray, FloatArray]:
+    """Return metrics of the changes of K and M: M, and K plus a small multiple of M, which gives rigid-body modes stiffness.
+
+    Parameters
+    ----------
+    cell : Cell
+        Reduced cell.
+
+    Returns
+    -------
+    tuple of ndarray, shape (dof, dof)
+        Positive definite but for functions of free sides.
+    """
+    slight = RELATIVE_SHIFT * cell.stiffness.trace() / cell.mass.trace()
+    return cell.stiffness + slight * cell.mass, cell.mass
+
+
+def largest(change: FloatArray, metric: FloatArray) -> float:
+    """Compute the largest eigenvalue of a change relative to a metric, over the functions that carry something.
+
+    Functions of free sides carry nothing, nor do those that a coarse mesh of tetrahedra cannot distinguish from others.
+
+    Parameters
+    ----------
+    change, metric : ndarray, shape (n, n)
+        Symmetric.
+
+    Returns
+    -------
+    float
+        Dimensionless, at least MAX_SHARE.
+    """
+    nonzero = np.flatnonzero(np.diag(metric) > 0.0)
+    square, unit = np.ix_(nonzero, nonzero), np.sqrt(np.diag(metric)[nonzero])
+    values, turn = eigh(metric[square] / np.outer(unit, unit))
+    kept = values > NULL_TOLERANCE
+    turn = turn[:, kept] / np.sqrt(values[kept]) / unit[:, None]
+    return max(MAX_SHARE, float(eigvalsh(turn.T @ change[square] @ turn)[-1]))

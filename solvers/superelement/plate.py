@@ -23,6 +23,7 @@ from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import Skin, triangles
 from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, Expansion, PlacedCell, SurfaceRule, with_further
+from solvers.superelement.clamped import softened
 from solvers.superelement.interface import OFFSETS, SIDES, VERTICES, Interface
 from solvers.superelement.supports import Action, actions, at_edge, held_dofs, rigid_count
 
@@ -56,7 +57,8 @@ class AssembledPlate:
         panel = self.tiling.panel(i, j)
         copies = self.grid.copies(i, j)
         clamped = any(each.kind == "clamp" and at_edge(self.tiling, i, j, each.edge) for each in self.tiling.supports)
-        return PlacedCell(self.grid.cell(i, j), panel.middle, number[dofs], sign[dofs], copies, clamped)
+        cell, taken = self.grid.clamped_cell(i, j) if clamped else (self.grid.cell(i, j), None)
+        return PlacedCell(cell, panel.middle, number[dofs], sign[dofs], copies, taken)
 
     @property
     def cells(self) -> list[Cell]:
@@ -275,6 +277,7 @@ class Grid:
         self.mode_start = starts[-1] + np.concatenate([[0], np.cumsum(modes)])
         self.count = int(self.mode_start[-1])
         self._touch_rules: dict[tuple[float, ...], SurfaceRule] = {}
+        self._softened: dict[int, tuple[Cell, float]] = {}
 
     def touch_rule(self, cell: Cell, middle_m: tuple[float, float]) -> SurfaceRule:
         """Quadrature over the touch face of a cell about a middle (x, y), one for all that the same lines cross."""
@@ -292,6 +295,13 @@ class Grid:
     def cell(self, i: int, j: int) -> Cell:
         """The reduction of panel (i, j); that of its mirror image for panels on the negative sides of a mirrored plate."""
         return self.cells[signature(self.tiling.panel(*self.positive(i, j)))]
+
+    def clamped_cell(self, i: int, j: int) -> tuple[Cell, float]:
+        """The reduction of panel (i, j) at a clamped edge without most of what its elements miss there, and how much it is."""
+        cell = self.cell(i, j)
+        if id(cell) not in self._softened:
+            self._softened[id(cell)] = softened(cell)
+        return self._softened[id(cell)]
 
     def positive(self, i: int, j: int) -> tuple[int, int]:
         """The panel whose reduction serves (i, j): its image where x, y > 0, itself on a plate without mirrors."""

@@ -70,7 +70,7 @@ class Solid:
 def solid(case: Case, layers: int, size_m: float) -> Solid:
     design, patches, touched = case.design, case.patches, case.touch
     assert patches is not None and touched is not None
-    boxes, patch_boxes = _boxes(case, layers, size_m)
+    boxes, patch_boxes = boxes_with_patches(case, layers, size_m)
     plate = hex_mesh(boxes, ORDER)
     materials = {"plate": design.material} | ({"pillar": design.pillar.material} if design.pillar else {})
     system = assemble(plate, materials)
@@ -89,7 +89,7 @@ def solid(case: Case, layers: int, size_m: float) -> Solid:
     return Solid(*map(sp.csc_array, (stiffness, mass, contact)))
 
 
-def _boxes(case: Case, layers: int, size_m: float) -> tuple[Boxes, Boxes]:
+def boxes_with_patches(case: Case, layers: int, size_m: float, clamped: bool = False) -> tuple[Boxes, Boxes]:
     """Of plate and pillars, and of the patches that stand on them, whose lines go on through the plate."""
     design, patches = case.design, case.patches
     assert patches is not None
@@ -99,6 +99,7 @@ def _boxes(case: Case, layers: int, size_m: float) -> tuple[Boxes, Boxes]:
     for lines, axis, end in ((scene.x, 0, design.length_m / 2.0), (scene.y, 1, design.half_span_m)):
         edges = {float(edge) for span in spans for edge in span[axis]}
         lines |= {edge: True for edge in edges if SAME_M < edge < end - SAME_M}
+    scene.x[design.length_m / 2.0] = clamped  # elements graded towards it
     boxes = boxes_of(scene)
     x, y = ((lines[1:] + lines[:-1]) / 2.0 for lines in (boxes.x, boxes.y))
     inside = np.zeros((len(x), len(y)), dtype=bool)

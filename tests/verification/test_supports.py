@@ -203,13 +203,13 @@ def test_a_clamped_strip_with_a_mass_at_its_end_is_a_cantilever_with_a_tip() -> 
 def test_a_clamped_plate_lies_within_its_bars_of_the_whole_solid() -> None:
     """Tied nodes on elements graded to the edges, whose own error is below 1e-3: an order and a layer less change 4e-4."""
     query = Request("plate", band_hz=(1e3, 6e4), search=False)
-    found = solve_modes(clamped_case(), query, TerminalLog(True)).rows
+    found = solve_modes(clamped_case(("solve.accuracy", 0.003)), query, TerminalLog(True)).rows
     ours = [(row.symmetry, row.frequency_hz, row.error) for row in found]
     whole = {name: iter(tones) for name, tones in solid_hz(1e3, 6e4).items()}
     assert len(ours) == 6
     for symmetry, tone, error in ours:
         assert error is not None and symmetry is not None
-        assert tone == pytest.approx(next(whole[symmetry]), rel=error + 1e-3) and error < 0.01
+        assert tone == pytest.approx(next(whole[symmetry]), rel=error + 1e-3) and error < 0.004
 
 
 def clamped_case(*changes: tuple[str, Any]) -> Case:
@@ -242,9 +242,9 @@ def solid_hz(low_hz: float, high_hz: float) -> dict[str, FloatArray]:
         ([{"kind": "foam", "edge": "x-"}], "must have stiffness_N_per_m2"),
         (
             [{"kind": "foam", "at_mm": [0, 0], "radius_mm": 1.0, "stiffness_N_per_m2": 1.0}],
-            "on a disc is not available",
+            "must be spring or mass on a disc",
         ),
-        ([{"kind": "clamp", "at_mm": [0, 0], "radius_mm": 1.0}], "a spring of"),
+        ([{"kind": "clamp", "at_mm": [0, 0], "radius_mm": 1.0}], "e9 holds the disc's u_z"),
         ([{"kind": "spring", "at_mm": [11.5, 0], "radius_mm": 1.0, "stiffness_N_per_m": 1.0}], "x from -12 to 12"),
         ([{"kind": "spring", "edge": "x-"}], "must have stiffness_N_per_m or damping_Ns_per_m"),
         ([{"kind": "mass", "edge": "x-", "mass_g": 1.0, "stiffness_N_per_m": 1.0}], "support.0.stiffness_N_per_m = 1"),
