@@ -71,7 +71,7 @@ STOUT, MAX_BENEATH = 1.2, 3
 HIGHEST = 4  # order of hexahedra
 COARSEST = 3  # lowest order of a cell's elements
 FINEST = 24  # least number of intervals per segment for following branches and searching gaps
-ACROSS = 8.0  # elements of order 4 across a bare cell that carries masses or springs
+BENEATH_MASSES = 8.0  # elements of order 4 across a bare cell that carries masses or springs
 PLATE_ACCURACY = 0.03  # a whole plate of tetrahedra as a cross-check, not as the result
 PLATE_TETRAHEDRA = 2.0  # across its smallest dimension then: 1.9 % too high; 1.4, 3.2 % too high, lose the confinement
 NEAR_COUNT = 16
@@ -237,7 +237,7 @@ def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> 
     along = 4 if longest <= 2.5 * design.thickness_m and not tight else 6
     mesh = cell_mesh(design, cell_level(accuracy))
     face = Interface(along, _least_through(design), design.stack.joints)
-    size = longest / ACROSS if design.attached else None  # a bare cell is meshed whole then
+    size = longest / BENEATH_MASSES if design.attached else None  # a bare cell is meshed whole then
     reduction = ReductionSettings(face, top, mesh, bare_size_m=size, further=FURTHER if tight else 0)
     return replace(reduction, hexahedra=with_nodes_for(reduction.ample, mesh))
 

@@ -208,6 +208,18 @@ class MeshBroadband(
     """Compute the attenuation and the confinement by rows of your own mesh of a unit cell, in dB, over frequency.
 
     The first cell begins at the border of the zone; cells on its other side are mirror images.
+
+    >>> import antinode, meshio, tempfile
+    >>> file, side = f"{tempfile.mkdtemp()}/cell.inp", 0.004
+    >>> lines = [[side * k / 6 for k in range(7)]] * 2 + [[0.002 * k / 4 for k in range(5)]]
+    >>> points = [[x, y, z] for z in lines[2] for y in lines[1] for x in lines[0]]
+    >>> first = [x + 7 * y + 49 * z for z in range(4) for y in range(6) for x in range(6)]
+    >>> cells = [[n, n + 1, n + 8, n + 7, n + 49, n + 50, n + 57, n + 56] for n in first]
+    >>> meshio.write_points_cells(file, points, [("hexahedron", cells)])
+    >>> plate = antinode.load("examples/small.toml", accuracy=0.1)
+    >>> passed = plate.mesh_broadband((30.0, 34.0), mesh_file=[file], points=2)
+    >>> len(passed.points)
+    2
     """
 
     def check(self, case: Case) -> None:

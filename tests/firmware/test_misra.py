@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
 from firmware.host import CORE, PLACES
+from tests.firmware.test_static import CPPCHECK
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "misra.md"
 REPORTED = re.compile(r"\[misra-c2012-([0-9.]+)\]")
@@ -23,10 +23,8 @@ def listed() -> set[str]:
 
 @pytest.mark.slow
 def test_the_table_lists_the_rules_from_which_the_core_deviates() -> None:
-    if not shutil.which("cppcheck"):
-        pytest.skip("cppcheck is not installed")
     sources = [str(path) for path in sorted(CORE.rglob("*.c"))]
-    command = ["cppcheck", "--addon=misra", "--enable=style", "--language=c", "--std=c11", "-q", *PLACES, *sources]
+    command = [CPPCHECK, "--addon=misra", "--enable=style", "--language=c", "--std=c11", "-q", *PLACES, *sources]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
     assert set(REPORTED.findall(done.stderr)) == listed()

@@ -121,7 +121,7 @@ def test_another_material_keeps_its_solids_apart_and_its_faces_shared():
 def test_bonded_parts_that_overlap_are_refused():
     one = cq.Solid.makeBox(2.0, 2.0, 2.0)
     with pytest.raises(GeometryError, match="overlap"):
-        solids._share_faces([one, one.moved(cq.Location(cq.Vector(1.0, 0.0, 0.0)))])
+        solids.share_faces([one, one.moved(cq.Location(cq.Vector(1.0, 0.0, 0.0)))])
 
 
 def test_fillet_that_does_not_fit_is_refused_by_name():
