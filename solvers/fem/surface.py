@@ -453,7 +453,7 @@ def facet_places(
     corners = nodes[facets]
     low, high = corners.min(axis=1, initial=np.inf), corners.max(axis=1, initial=-np.inf)
     for number, point in enumerate(at_m):
-        for facet in np.flatnonzero(((low <= point + NEAR) & (high >= point - NEAR)).all(axis=1)):
+        for facet in np.flatnonzero(((low <= point + CLOSE_M) & (high >= point - CLOSE_M)).all(axis=1)):
             solid = solid or _solid(facets.shape[1], order)
             weights = _within(solid, nodes[facets[facet]], point)
             if weights is not None:
@@ -464,14 +464,14 @@ def facet_places(
     return np.array(found, dtype=np.int64), np.concatenate(own), np.concatenate(values)
 
 
-NEAR, STEPS, INSIDE = 1e-12, 12, 1e-6  # m; of Newton; of the reference facet
+CLOSE_M, CORRECTIONS, INSIDE = 1e-12, 12, 1e-6  # of a facet's box; of Newton; of the reference facet
 
 
 def _within(solid: tuple[Element, IntArray], corners: FloatArray, point: FloatArray) -> FloatArray | None:
     """Values (k,) of a facet's functions at a point of its plane; None outside it."""
     is_triangle = solid[0].points[solid[1], :2].min() >= 0.0
     at = np.full(2, 1.0 / 3.0 if is_triangle else 0.0)
-    for _ in range(STEPS):
+    for _ in range(CORRECTIONS):
         value, slope = _shape(solid, at[None])
         at = at + np.linalg.solve((slope[:, 0] @ corners).T, point - value[0] @ corners)
     value = _shape(solid, at[None])[0][0]
