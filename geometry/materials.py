@@ -340,9 +340,7 @@ def _spectrum(table: Mapping[str, Any]) -> Spectrum | None:
     """The modulus over frequency of a table, None if it gives none."""
     rows, zener = (table.get(key) for key in SPECTRA)
     if zener:
-        given = {key: zener[key] for key in ("relaxed_GPa", "unrelaxed_GPa", "time_s", "order")}
-        relaxed, unrelaxed, time, order = map(float, given.values())
-        return Zener(GPA * relaxed, GPA * unrelaxed, time, order)
+        return Zener(GPA * zener["relaxed_GPa"], GPA * zener["unrelaxed_GPa"], zener["time_s"], zener["order"])
     return Rows(tuple((float(hz), GPA * young, float(loss)) for hz, young, loss in rows)) if rows else None
 
 

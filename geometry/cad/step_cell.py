@@ -57,14 +57,6 @@ class CellBody(Body):
         """Its solids with their regions."""
         return list(zip(self.names, self.shape.Solids(), strict=True))
 
-    def part_volumes_m3(self) -> dict[str, float]:
-        """CAD volume of each bonded region and of the first one, called "plate", m3."""
-        volumes: dict[str, float] = {}
-        for region, solid in self.solids():
-            name = region if region in self.bonds else "plate"
-            volumes[name] = volumes.get(name, 0.0) + float(solid.Volume()) / MM**3
-        return volumes
-
     def singular_lines(self) -> FloatArray:
         """Segments (k, 2, 3) along re-entrant edges, and along all edges where regions meet, m."""
         surface = cad_surface(self.shape, FINE_MM * self.shape.BoundingBox().DiagonalLength)

@@ -19,7 +19,7 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.own_cell import compared
 from pipeline.models.step_cell import reduced_body, step_body
-from pipeline.models.unit_cell import CLEAR, LatticeModel, Pilot, good_enough, largest_of_alike
+from pipeline.models.unit_cell import CLEAR, LatticeModel, good_enough, largest_of_alike, own_pilot
 from pipeline.models.user_mesh import UserMesh, read_bodies
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
@@ -80,10 +80,8 @@ class OwnRows:
 
     def reductions(self, reduction: ReductionSettings) -> OwnReductions:
         """Reductions of the cell and of bare panels, with as many boundary functions as the cell's mesh can hold."""
-        along, through = self.body.held
-        face = reduction.interface
-        face = replace(face, along=min(face.along, along), through=min(face.through, through))
-        most = max(min(reduction.further, through - face.through), 0)
+        face = self.body.limited(reduction.interface)
+        most = max(min(reduction.further, self.body.held[1] - face.through), 0)
         held = replace(reduction, interface=face, further=most)
         return OwnReductions(
             self.design.stack, None, held, CellCache(), body=self.body, is_known=self.mesh_error is not None
@@ -113,16 +111,13 @@ def plate_cell(case: Case, bodies: Sequence[Body], ratio: float, log: Log, high_
         falls with the first power of the element size.
     """
     corners, count, design = case.path(1).corners, case.bands.count, replace(case.design, pillar=None)
-    first, (along, through) = mesh_rules.lattice_reduction(design, case.solve.accuracy), bodies[-1].held
-    face = first.interface
-    face = replace(face, along=min(face.along, along), through=min(face.through, through))
-    reduce, coarse = (partial(reduced_body, case, body, log) for body in (bodies[0], bodies[-1]))
-    pilot = Pilot(coarse, through > face.through, along, through)
-    settled = good_enough(reduce, pilot, replace(first, interface=face), corners, case, log, CLEAR * high_hz)
+    reduce = partial(reduced_body, case, bodies[0], log)
+    pilot, first = own_pilot(case, bodies[-1], mesh_rules.lattice_reduction(design, case.solve.accuracy), log)
+    settled = good_enough(reduce, pilot, first, corners, case, log, CLEAR * high_hz)
     reduction, lattice, bar, truncated, beyond = settled
     by_mesh = bar[0]
     if len(bodies) > 1:
-        other = ReducedLattice(coarse(reduction))
+        other = ReducedLattice(pilot.reduce(reduction))
         by_mesh = max(_change(lattice, other, k, count) for k in corners) / (ratio - 1.0)
     mesh = bodies[0].mesh
     choice = ModelChoice("cell", SUPERELEMENT, None, None, reduction, False, (), (), np.inf)

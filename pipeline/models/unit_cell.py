@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -53,6 +54,9 @@ from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice, Waves
 from solvers.waves.bloch import BlochCell
+
+if TYPE_CHECKING:
+    from solvers.plates.own_cell import Body
 
 ROUNDS = 8
 MARGIN = 0.3  # of the accuracy: the rest is for discretisation, and for the difference between coarse and fine mesh
@@ -105,7 +109,7 @@ def lattice_model(
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     reduce = _reducer(choice, case, log, meshes, parted)
     if case.design.cell_file:
-        pilot, reduction = _own_pilot(case, choice, reduction, log)
+        pilot, reduction = _coarser_pilot(case, choice, reduction, log)
     else:
         pilot = _coarse_pilot(case.design, case.bands.count)
     reduction, lattice, bar, error, beyond = good_enough(reduce, pilot, reduction, corners, case, log, CLEAR * high_hz)
@@ -185,17 +189,41 @@ def _own_reducer(choice: ModelChoice, case: Case, log: Log, meshes: list[MeshRec
     return partial(reduced_body, case, body, log)
 
 
-def _own_pilot(
+def _coarser_pilot(
     case: Case, choice: ModelChoice, reduction: ReductionSettings, log: Log
 ) -> tuple[Pilot, ReductionSettings]:
-    """Coarser mesh of the case's STEP file, and the first settings that it can hold."""
-    from pipeline.models.step_cell import reduced_body, step_body
+    """Lattices of a coarser mesh of the case's STEP file, and the first settings that it can hold."""
+    from pipeline.models.step_cell import step_body
 
     assert choice.edge_m
     body = replace(step_body(case, COARSER * choice.edge_m, log), estimated=False)
-    along, through = body.held
-    face = reduction.interface
-    face = replace(face, along=min(face.along, along), through=min(face.through, through))
+    return own_pilot(case, body, reduction, log)
+
+
+def own_pilot(case: Case, body: Body, reduction: ReductionSettings, log: Log) -> tuple[Pilot, ReductionSettings]:
+    """Prepare to choose the reduction of an own cell on one mesh of it.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    body : Body
+        A mesh of the cell.
+    reduction : ReductionSettings
+        First settings.
+    log : Log
+        Receives the progress.
+
+    Returns
+    -------
+    pilot : Pilot
+        Lattices of the mesh.
+    reduction : ReductionSettings
+        The first settings, with no higher degrees than the mesh can hold.
+    """
+    from pipeline.models.step_cell import reduced_body
+
+    face, (along, through) = body.limited(reduction.interface), body.held
     pilot = Pilot(partial(reduced_body, case, body, log), through > face.through, along, through)
     return pilot, replace(reduction, interface=face)
 

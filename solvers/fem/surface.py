@@ -418,8 +418,8 @@ def boundary_facets(mesh: AnyMesh) -> list[tuple[IntArray, IntArray]]:
     outer = []
     for parts in kinds.values():
         corners, full = (np.vstack(each) for each in zip(*parts, strict=True))
-        _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
-        outer.append((corners[first[count == 1]], full[first[count == 1]]))
+        alone = _once(corners)
+        outer.append((corners[alone], full[alone]))
     return outer
 
 

@@ -17,7 +17,7 @@ from solvers.accuracy.reduction import recovered
 from solvers.fem.surface import boundary_facets
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell, MeshError
-from solvers.superelement.interface import SIDES
+from solvers.superelement.interface import SIDES, Interface
 from solvers.superelement.reduction import CellBuilder, Coarser, SymmetryClass, reduce_cell
 from solvers.waves.bloch import Side, sides
 
@@ -51,6 +51,11 @@ class Body:
         thick, least = float(np.ptp(places[0][:, 2])), min(map(len, places))
         spacing = np.sqrt(min(lengths) * thick / least)
         return max(int(min(lengths) / spacing) - 1, 1), max(int(thick / spacing), 1)
+
+    def limited(self, face: Interface) -> Interface:
+        """Boundary functions of no higher degrees than the mesh can hold."""
+        along, through = self.held
+        return replace(face, along=min(face.along, along), through=min(face.through, through))
 
 
 def body_of(mesh: AnyMesh, materials: dict[str, Material], design: Design, estimated: bool = False) -> Body:
