@@ -62,7 +62,7 @@ FEATURES = {
         "{} cannot honour it: it is for groups of a mesh file (modes, bands, attenuation, broadband with --mesh-file)",
     ),
     CELL: Feature(
-        lambda case: "[cell] file" if case.design.cell_file else "",
+        lambda case: CELL if case.design.cell_file else "",
         "{} cannot honour it: it is the unit cell of bands, attenuation and broadband, or remove it",
     ),
     ATTACHED: Feature(

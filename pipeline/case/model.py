@@ -189,9 +189,8 @@ class Case:
             ]
             raise InputError(f"{where}: {name}: missing, {why}" for name, why in visible)
 
-    def require_plate(self, command: str = "this command", honours: tuple[str, ...] = ()) -> None:
-        """Raise InputError unless the command can honour the case, which has [plate], [zone] and, with pillars, array.rows."""
-        self.refuse(command, honours)
+    def require_plate(self, command: str = "this command") -> None:
+        """Raise InputError unless the case has [plate], [zone] and, with pillars, array.rows."""
         self.require("plate", "zone", *(("array.rows",) if "pillar" in self.given else ()), command=command)
 
     def require_one_kind(self, command: str) -> None:

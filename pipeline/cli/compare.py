@@ -246,7 +246,8 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
         quantities["predesign"] = {key: value for key, value in sized(case.design).values().items() if key != "limits"}
     if not solve:
         return Design(flat(quantities))
-    case.require_plate(command="compare --solve")
+    case.refuse("compare --solve")
+    case.require_plate("compare --solve")
     solved, bands = _solved(case, log)
     return Design(flat(quantities | solved), bands)
 

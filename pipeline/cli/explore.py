@@ -44,6 +44,7 @@ def run(arguments: Namespace) -> int:
 
 def explorer_of(case: Case, raw: dict[str, Any], overrides: tuple[str, ...], log: Log) -> Explorer:
     """Return the page's answerer: the case and the model of its cell. Raises InputError for an unsupported case."""
+    case.refuse("explore")
     case.require_plate("explore")
     case.require("pillar", "zone", command="explore")
     from pipeline.explore.answer import Explorer, Scene

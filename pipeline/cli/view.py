@@ -176,7 +176,8 @@ def of_case(arguments: Namespace) -> Scene:
 
     case, log = load_case(arguments.target, arguments.set), TerminalLog(arguments.quiet)
     warn_of_doubts(case.design, log)
-    case.require_plate("view", (LARGER, OUTLINE, SUPPORTS) if arguments.solve else OF_A_PLATE)
+    case.refuse("view", (LARGER, OUTLINE, SUPPORTS) if arguments.solve else OF_A_PLATE)
+    case.require_plate("view")
     if not arguments.solve:
         return _solid(case, log)
     part_modes = modes.solve_modes(case, modes.Request("plate", symmetry=case.target_symmetry), log)

@@ -74,11 +74,12 @@ def write(
 def _require(case: Case, form: str, part: str) -> None:
     """Raise InputError for a case that lacks what is to be written, or that the format cannot honour."""
     command = f"export {form}"
-    if form != "phonopy" and part == "plate":
-        own = (LARGER, OUTLINE) if form in WHOLE else (LARGER,)
-        case.require_plate(command, OF_A_PLATE if form in CAD else own)
+    of_plate = form != "phonopy" and part == "plate"
+    honours = OF_A_PLATE if form in CAD or not of_plate else (LARGER, OUTLINE) if form in WHOLE else (LARGER,)
+    case.refuse(command, honours)
+    if of_plate:
+        case.require_plate(command)
         return
-    case.refuse(command, OF_A_PLATE)
     case.require(*(("plate", "zone") if part == "zone" else ("pillar",)), command=command)
 
 

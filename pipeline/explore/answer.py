@@ -499,7 +499,7 @@ def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
 
 def check(case: Case) -> None:
     """InputError without [tolerance], without pillars, or where no size of theirs differs."""
-    case.require_plate(command="tolerance --alike")
+    case.require_plate("tolerance --alike")
     case.require("tolerance", "pillar", command="tolerance --alike")
     if not _deviations(case).sizes_m.any():
         raise InputError(f"{case.name}: tolerance --alike: tolerance.height_mm or tolerance.side_mm must be above 0")

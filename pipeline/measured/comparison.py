@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
-from pipeline.case.features import LARGER, SUPPORTS
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -52,7 +51,7 @@ def read(
         at = None if given.at_m is None else f"{given.at_m[0] / MM!r},{given.at_m[1] / MM!r}"
     if sweep is None and field is None:
         return None
-    case.require_plate("response", (LARGER, SUPPORTS))
+    case.require_plate("response")
     case.require("patches", command="response")
     measured = files.read_sweep(sweep) if sweep is not None else None
     if measured and measured.quantity == "sensor" and not (case.patches and case.patches.sensors):

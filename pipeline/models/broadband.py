@@ -13,7 +13,6 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from geometry.tiling import Panel, lattice_panel
-from pipeline.case.features import CELL, GROUPS
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -124,7 +123,7 @@ def checked(case: Case) -> Design:
 
 def check_rows(case: Case, more: Sequence[str] = ()) -> None:
     """Raise InputError for a case without rows, or whose plate a column of cells cannot stand for, and for further faults."""
-    case.require_plate(command="broadband", honours=(GROUPS, CELL))
+    case.require_plate("broadband")
     case.one_quality_factor("broadband")
     said = []
     if not case.design.rows:

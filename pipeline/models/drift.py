@@ -11,7 +11,6 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.layout import Design
 from geometry.materials import USUAL_C, Stack
-from pipeline.case.features import LARGER
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -75,7 +74,7 @@ def drift(case: Case, span_c: tuple[float, float], points: int, log: Log) -> dic
 
 def checked(case: Case) -> None:
     """Raise InputError for a case without target mode, or none of whose materials changes with temperature."""
-    case.require_plate("drift", (LARGER,))
+    case.require_plate("drift")
     case.require("zone", command="drift")
     if not any(material.softening_per_k or material.expansion_per_k for material in case.design.materials):
         names = ", ".join(dict.fromkeys(material.name for material in case.design.materials))

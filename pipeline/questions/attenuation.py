@@ -389,7 +389,7 @@ class PredictionResult(Result, axes=()):
     needed = figure_at("rows_needed", "rows needed (infinite array)", name="rows_needed")
 
 
-class Prediction(Question[PredictionResult], follows="attenuation", honours=OF_A_PLATE):
+class Prediction(Question[PredictionResult], follows="attenuation"):
     """Predict the plate's confinement from the attenuation per row at its target mode."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> PredictionResult:

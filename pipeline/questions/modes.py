@@ -339,7 +339,7 @@ class Modes(
         """Raise InputError for a case that lacks the part, and for a band together with a frequency."""
         _check_window(self.near_kHz, self.band_kHz)
         if self.part == "plate":
-            case.require_plate("modes --part plate", self.honours)
+            case.require_plate("modes --part plate")
         else:
             case.require(*NEEDED[self.part], command=f"modes --part {self.part}")
 
@@ -405,7 +405,7 @@ class ShapesResult(Result, axes=("shape",)):
     coefficients: list[list[float]] = column("coefficients of u_z", along=("shape", "function"))
 
 
-class Shapes(Question[ShapesResult], follows="modes", honours=(LARGER, OUTLINE, SUPPORTS)):
+class Shapes(Question[ShapesResult], follows="modes"):
     """Keep the shapes of the modes nearest the target mode, its mode table and, on demand, the field of every mode."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ShapesResult:

@@ -217,6 +217,8 @@ class Question(Declared, Generic[R]):
             return  # a variant of the same question
         for name, value in known.items():
             setattr(cls, name, value)
+        if cls.follows and "honours" not in known:
+            cls.honours = (QUESTIONS | IN_STUDIES)[cls.follows].honours
         cls.name, cls.by = _snake_case(cls.__name__), (cls.by,) if isinstance(cls.by, str) else cls.by
         cls.is_measure = cls.is_measure and cls.without_case is None
         cls.options = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}
@@ -288,7 +290,7 @@ class Question(Declared, Generic[R]):
         """Raise InputError for an unsuitable case; subclasses add conditions beyond `needs`."""
         command = self.instead_of or self.name
         if self.drives:
-            case.require_plate(command, self.honours)
+            case.require_plate(command)
         if self.needs:
             case.require(*self.needs, command=command)
 

@@ -7,7 +7,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.case.features import FEATURES
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.planning import simplifications
@@ -57,7 +56,7 @@ def chosen(query: Iterable[str]) -> list[Question[Any]]:
 def check(case: Case, query: Iterable[str]) -> None:
     """Raise InputError for a case that lacks a table or key that its questions need."""
     asked = chosen(query)
-    case.require_plate("a study", tuple(FEATURES))
+    case.require_plate("a study")
     for each in asked:
         case.refuse(f"the measure {each.name}", each.honoured())
         if each.drives and each.needs:

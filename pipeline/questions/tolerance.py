@@ -251,7 +251,7 @@ class Tolerance(
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without pillars or deviations."""
-        case.require_plate("tolerance", self.honours)
+        case.require_plate("tolerance")
         case.require("tolerance", "pillar", command="tolerance")
         case.one_quality_factor("tolerance")
         case.require_mirrored("tolerance")

@@ -384,7 +384,8 @@ def search(
 def check(space: Space, settings: Settings) -> None:
     """Raise InputError for a case or keys that do not suit the goal."""
     case = space.case()
-    case.require_plate("search", (ZONES, SUPPORTS))
+    case.refuse("search", (ZONES, SUPPORTS))  # the varied keys, too
+    case.require_plate("search")
     case.require("pillar", "array.pitch_mm", command="search")
     case.one_quality_factor("search")
     case.require_mirrored("search")

@@ -131,3 +131,9 @@ def test_a_zone_or_a_pillar_alone_has_nothing_of_the_plate() -> None:
 def test_only_held_plates_that_expand_are_stressed(changes: dict[str, Any], stressed: bool) -> None:
     case = case_with(STRESS).but(changes)
     assert any(STRESS in line for line in refusals(case, "modes", (SUPPORTS,))) == stressed
+
+
+@pytest.mark.parametrize("name", ["prediction", "shapes", "tet_bands"])
+def test_what_accompanies_a_question_honours_the_same(name: str) -> None:
+    kind = known()[name]
+    assert kind.honours == known()[kind.follows].honours
