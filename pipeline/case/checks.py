@@ -449,10 +449,12 @@ def check_tolerance(file: Tables, form: PillarShape | None) -> Iterator[Diagnost
         return
     sizes = {name: getattr(file.tolerance, f"{name}_mm") for name in ("height", "side", "position")}
     height, side, position = sizes.values()
-    if height is None or side is None or position is None:
+    young = file.tolerance.young_percent
+    if height is None or side is None or position is None or young is None:
         return
-    if not (height or side or position):
-        yield "tolerance.height_mm", height, "nothing varies: height_mm, side_mm or position_mm must be above 0"
+    if not (height or side or position or young):
+        text = "nothing varies: height_mm, side_mm, position_mm or young_percent must be above 0"
+        yield "tolerance.height_mm", height, text
     plain = file.pillar.fillet_mm == 0.0 and not file.upper and file.pillar.faces != "both"
     if form is not None and not (form.grows and plain):
         yield "tolerance.height_mm", height, f"only {PLAIN} can be varied"

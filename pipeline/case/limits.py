@@ -22,6 +22,8 @@ USUAL_MM: Range = (1e-3, 1e4)
 """Below a micrometre, a grain of metal, a solid is not homogeneous; beyond ten metres nothing is a touch plate."""
 DEVIATION_MM: Range = (1e-9, 1e7)
 """A thousandth of the shortest length."""
+STIFFNESS_PERCENT: Range = (0.0, 10.0)
+"""Three standard deviations are 30 %, what a parabola between three reductions follows within a percent of the change."""
 YOUNG_GPA: Range = (1e-9, 2000.0)
 """From 1 Pa, softer than any gel that keeps its shape, to more than diamond (about 1200 GPa)."""
 DENSITY_KG_M3: Range = (1.0, 1e5)

@@ -374,6 +374,7 @@ class ToleranceTable(Table):
     height_mm: Deviation = 0.0
     side_mm: Deviation = 0.0
     position_mm: Deviation = 0.0
+    young_percent: float = not_negative(limits.STIFFNESS_PERCENT)
     samples: int = whole(1, limits.MAX_SAMPLES, default=20)
     seed: int = whole(0, limits.MAX_SEED, default=1)
 
@@ -391,6 +392,11 @@ class ToleranceTable(Table):
     def position_m(self) -> float:
         """Standard deviation of a pillar's position along x and along y, m."""
         return MM * self.position_mm
+
+    @property
+    def stiffness(self) -> float:
+        """Relative standard deviation of a pillar's stiffness."""
+        return self.young_percent / 100.0
 
 
 @dataclass(frozen=True)
@@ -620,7 +626,7 @@ class Patches(TypedDict, total=False):
 
 
 class Scatter(TypedDict, total=False):
-    """The table [tolerance]: standard deviations height_mm, side_mm, position_mm of single pillars, samples, seed.
+    """The table [tolerance]: scatter of pillars by height_mm, side_mm, position_mm and young_percent, samples, seed.
 
     >>> from antinode import Scatter
     >>> Scatter(height_mm=0.05, samples=20)["samples"]
@@ -630,6 +636,7 @@ class Scatter(TypedDict, total=False):
     height_mm: float
     side_mm: float
     position_mm: float
+    young_percent: float
     samples: int
     seed: int
 

@@ -501,7 +501,10 @@ def check(case: Case) -> None:
     """InputError without [tolerance], without pillars, or where no size of theirs differs."""
     case.require_plate("tolerance --alike")
     case.require("tolerance", "pillar", command="tolerance --alike")
-    if not _deviations(case).sizes_m.any():
+    if case.tolerance and case.tolerance.young_percent:
+        text = "tolerance.young_percent must be 0: give a batch of another stiffness a pillar.material of its own"
+        raise InputError(f"{case.name}: tolerance --alike: {text}")
+    if not _deviations(case).sizes.any():
         raise InputError(f"{case.name}: tolerance --alike: tolerance.height_mm or tolerance.side_mm must be above 0")
 
 
@@ -572,7 +575,7 @@ def _deviations(case: Case) -> Deviations:
 
 def _require_inside(case: Case, deviations: Deviations, explorer: Explorer) -> None:
     """InputError, a line a size, where the largest deviations leave the box of the bases."""
-    reach, said = np.array(deviations.reach_m[:2]), []
+    reach, said = np.array(deviations.reach[:2]), []
     for signs in ((1.0, 1.0), (-1.0, -1.0)):
         sizes = sizes_of(printed(case, reach * signs).design)
         for fault in explorer.model.cell.box.faults(sizes):

@@ -28,7 +28,7 @@ from solvers.variation.cells import CellFamily, nodes_of
 MAX_BYTES = (
     1_000_000_000  # of all cells: a sweep of six pitches writes half of it; a smaller cache would drop cells it reuses
 )
-OWN = ("reach_m", "stiffness_changes", "mass_changes", "stiffness_missed", "mass_missed")
+OWN = ("reach", "stiffness_changes", "mass_changes", "stiffness_missed", "mass_missed")
 MARK = b"antinode cache 1\n"
 SUFFIX = ".kept"
 DIGEST_BYTES = hashlib.sha256().digest_size
@@ -210,5 +210,5 @@ class ParametricCellCache(ArrayCache):
 
     def put(self, key: str, family: CellFamily) -> None:
         """Keep a family."""
-        own = dict(zip(OWN, (family.reach_m, family.stiffness, family.mass, *family.missed), strict=True))
+        own = dict(zip(OWN, (family.reach, family.stiffness, family.mass, *family.missed), strict=True))
         self.keep(key, packed(family.cell) | own)

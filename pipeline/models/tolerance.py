@@ -22,7 +22,7 @@ from solvers.piezo.patched_plate import PressedPlate
 from solvers.piezo.responses import curve_about, near_hz, peak_of
 from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
-from solvers.variation.cells import VariedReductions
+from solvers.variation.cells import PARAMETERS, VariedReductions
 from solvers.variation.samples import ChangedPlate, Deviations, VariedPlate
 
 DRAWN = 241  # points of the curves in the figure
@@ -50,6 +50,22 @@ class VariedPlates:
     loss: float
 
 
+def deviations_of(given: ToleranceTable) -> Deviations:
+    """Return the standard deviations of a [tolerance].
+
+    Parameters
+    ----------
+    given : ToleranceTable
+        The table of a case.
+
+    Returns
+    -------
+    Deviations
+        In m; of the stiffness relative.
+    """
+    return Deviations(given.height_m, given.side_m, given.position_m, given.stiffness)
+
+
 @one_thread()
 def solve(
     case: Case, given: ToleranceTable, choice: ModelChoice, band_hz: tuple[float, float], log: Log
@@ -58,9 +74,9 @@ def solve(
     quality_factor = case.one_quality_factor("tolerance")
     plate = _varied(case, given, choice, band_hz, log)
     count = len(plate.pillars)
-    changes = Deviations(given.height_m, given.side_m, given.position_m).draw(count, given.samples, given.seed)
+    changes = deviations_of(given).draw(count, given.samples, given.seed)
     with log.step("nominal plate"):
-        still = plate.sample(np.zeros((count, 4)))
+        still = plate.sample(np.zeros((count, PARAMETERS)))
         nominal = _measured(still)
         if nominal.peak_hz is None:
             raise InputError(_elsewhere(case, band_hz, plate.forced.target_hz()))
@@ -112,13 +128,12 @@ def _varied(case: Case, given: ToleranceTable, choice: ModelChoice, band: tuple[
             f"{case.name}: [tolerance]: varied pillars need assembled cells of hexahedra: set solve.model to auto or "
             "superelement, and solve.mesh to auto or hex"
         )
-    reach = Deviations(given.height_m, given.side_m, given.position_m).reach_m
     reductions = VariedReductions(
         design.stack,
         design.pillar,
         replace(choice.reduction, further=0),
         CellCache(),
-        reach_m=reach,
+        reach=deviations_of(given).reach,
         parametric_cache=ParametricCellCache(),
     )
     with log.step("reduce cells and their changes"):
@@ -164,12 +179,12 @@ def _shown(peak_hz: float, band: tuple[float, float]) -> FloatArray:
 
 
 def _space_check(
-    plate: VariedPlate, change_m: FloatArray, sample: SampleRecord, band_hz: tuple[float, float]
+    plate: VariedPlate, change: FloatArray, sample: SampleRecord, band_hz: tuple[float, float]
 ) -> dict[str, float | None]:
     """Change of a sample in the space of a narrower band; None if that space is the same."""
     if not plate.space.is_wider(band_hz):
         return dict.fromkeys(MEASURES)
-    return _apart(_measured(plate.sample(change_m, band_hz)), sample)
+    return _apart(_measured(plate.sample(change, band_hz)), sample)
 
 
 def _apart(first: SampleRecord, second: SampleRecord) -> dict[str, float | None]:

@@ -51,7 +51,7 @@ def log_all(simplifications: Collection[Simplification | None], log: Log) -> Non
 def is_scattered(case: Case) -> bool:
     """Whether the pillars differ from one another: the case has a [tolerance] that is not all zeros."""
     given = case.tolerance
-    return given is not None and any((given.height_m, given.side_m, given.position_m))
+    return given is not None and any((given.height_m, given.side_m, given.position_m, given.stiffness))
 
 
 # -- the scene ---------------------------------------------------------------------------------------------------------

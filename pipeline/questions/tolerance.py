@@ -36,7 +36,7 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
     """
 
     tolerance: dict[str, Any] = column(
-        "standard deviations and sampling: height_m, side_m, position_m, seed, cut_at_deviations"
+        "standard deviations and sampling: height_m, side_m, position_m, stiffness (relative), seed, cut_at_deviations"
     )
     drive: str = column("excitation: patches, or a pressure")
     rms_unit: str = column("m/V or m/N; empty without an excitation")
@@ -267,7 +267,7 @@ class Tolerance(
         given, choice, band = case.tolerance, plan.steps[0].choice, driven_band_hz(case, hz(self.band_kHz))
         assert given and choice
         solved = solve(case, given, choice, band, run)
-        scatter = {name: getattr(given, name) for name in ("height_m", "side_m", "position_m", "seed")}
+        scatter = {name: getattr(given, name) for name in ("height_m", "side_m", "position_m", "stiffness", "seed")}
         result = ToleranceResult.of(
             solved,
             tolerance=scatter | {"cut_at_deviations": CUT},

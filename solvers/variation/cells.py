@@ -1,9 +1,9 @@
-"""Families of cells for pillars that are taller, wider or moved, and a plate's reductions by them."""
+"""Families of cells for pillars that are taller, wider, moved or stiffer, and a plate's reductions by them."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, product
 
@@ -22,18 +22,19 @@ from solvers.superelement.cell import Cell
 from solvers.superelement.reduction import CellBuilder, ClampedBoundaryClass, Coarser, weighted
 
 # -- families ----------------------------------------------------------------------------------------------------------
-# A pillar's cell as a function of its pillar: K_r and M_r for another height, side and place of the foot.
+# A pillar's cell as a function of its pillar: K_r and M_r for another height, side, place of the foot and stiffness.
 # The mesh keeps its topology: its nodes move with the foot and with the pillar's height, the cell's own sides stay. u
 # = Psi(p) b + Phi(p) m, with the constraint shapes of the moved mesh and Phi(p) = K_II^-1 M_II Phi_0 Lambda_0, one
 # inverse iteration there on the unmoved mesh's fixed-interface modes, node by node, made orthonormal: modes of their
 # own but for the second order, and smooth in p whatever modes cross. K_r(p) and M_r(p) are interpolated between such
 # reductions by quadratic Lagrange polynomials on {-reach, 0, reach}: height and side together, each coordinate of the
-# foot for itself, and the products of a coordinate with every other parameter from a single reduction with both one
-# reach away. A further reduction of a pillar with all deviations at once shows the remaining error.
+# foot for itself, stiffness likewise, and the products of these with every other parameter from a single reduction with
+# both one reach away. A further reduction of a pillar with all deviations at once shows the remaining error.
 
-HEIGHT, SIDE, X, Y = range(4)  # the parameters of a pillar, m
+HEIGHT, SIDE, X, Y, STIFFNESS = range(5)  # the parameters of a pillar, m; of its stiffness the relative deviation
+PARAMETERS = 5
 CHECKED = 2.0 / 3.0  # of the reach of every parameter: where interpolation is compared with a reduction
-Node = tuple[int, int, int, int]  # -1, 0 or 1 reaches along each parameter
+Node = tuple[int, ...]  # -1, 0 or 1 reaches along each parameter
 Pair = tuple[FloatArray, FloatArray]
 
 
@@ -41,34 +42,32 @@ Pair = tuple[FloatArray, FloatArray]
 class CellFamily:
     """A cell and the changes of its K_r and M_r at the nodes of the interpolation, in the cell's degrees of freedom and scale.
 
-    reach_m (4,): how far height, side, x and y go from the nominal pillar on either side; 0 where nothing varies. missed: what
-    a reduction at `checked_m` has more than is interpolated there, of K_r and of M_r.
+    reach (5,): how far height, side, x, y and stiffness go from the nominal pillar on either side; 0 where nothing varies.
+    missed: what a reduction at `checked` has more than is interpolated there, of K_r and of M_r.
     """
 
     cell: Cell
-    reach_m: FloatArray
+    reach: FloatArray
     nodes: tuple[Node, ...]
     stiffness: FloatArray
     mass: FloatArray
     missed: Pair
 
     @property
-    def checked_m(self) -> FloatArray:
-        """The pillar whose reduction was compared with the interpolation, (4,) m from the nominal one."""
-        return CHECKED * self.reach_m
+    def checked(self) -> FloatArray:
+        """The pillar whose reduction was compared with the interpolation, its deviations (5,) from the nominal one."""
+        return CHECKED * self.reach
 
-    def weights(self, change_m: FloatArray) -> FloatArray:
-        """Factors (..., nodes) of the nodes' changes for pillars (..., 4) in m. SolverError beyond the reach."""
-        reach = np.where(self.reach_m > 0.0, self.reach_m, 1.0)
-        t = np.asarray(change_m) / reach
-        if (np.abs(t) > 1.0 + 1e-9).any() or (np.asarray(change_m)[..., self.reach_m == 0.0] != 0.0).any():
-            raise SolverError(
-                f"a pillar differs by {change_m} m from the nominal one: interpolation reaches {self.reach_m}"
-            )
+    def weights(self, change: FloatArray) -> FloatArray:
+        """Factors (..., nodes) of the nodes' changes for pillars with deviations (..., 5). SolverError beyond the reach."""
+        reach = np.where(self.reach > 0.0, self.reach, 1.0)
+        t = np.asarray(change) / reach
+        if (np.abs(t) > 1.0 + 1e-9).any() or (np.asarray(change)[..., self.reach == 0.0] != 0.0).any():
+            raise SolverError(f"a pillar differs by {change} from the nominal one: interpolation reaches {self.reach}")
         lagrange = {-1: t * (t - 1.0) / 2.0, 0: 1.0 - t * t, 1: t * (t + 1.0) / 2.0}
         columns = []
         for node in self.nodes:
-            off = [axis for axis in range(4) if node[axis]]
+            off = [axis for axis in range(PARAMETERS) if node[axis]]
             if _is_product(node):
                 columns.append(np.prod(t[..., off], axis=-1))
                 continue
@@ -76,53 +75,49 @@ class CellFamily:
             columns.append(np.prod([lagrange[node[axis]][..., axis] for axis in used], axis=0))
         return np.stack(columns, axis=-1) if columns else np.zeros((*t.shape[:-1], 0))
 
-    def at(self, change_m: FloatArray) -> Pair:
-        """K_r and M_r of one pillar, (4,) in m from the nominal one."""
-        weights = self.weights(change_m)
+    def at(self, change: FloatArray) -> Pair:
+        """K_r and M_r of one pillar with deviations (5,) from the nominal one."""
+        weights = self.weights(change)
         return (
             self.cell.stiffness + np.tensordot(weights, self.stiffness, axes=1),
             self.cell.mass + np.tensordot(weights, self.mass, axes=1),
         )
 
 
-def nodes_of(reach_m: FloatArray) -> tuple[Node, ...]:
+def nodes_of(reach: FloatArray) -> tuple[Node, ...]:
     """List the nodes of the interpolation, except the nominal one.
 
-    Height and side form a grid, x and y one line each; the nodes of the products follow.
+    Height and side form a grid, every other parameter a line; the nodes of the products follow.
 
     Parameters
     ----------
-    reach_m : ndarray, shape (4,)
-        Reach of height, side, x and y on either side; 0 where a parameter does not vary.
+    reach : ndarray, shape (5,)
+        Reach of height, side, x and y (m) and relative stiffness on either side; 0 where a parameter does not vary.
 
     Returns
     -------
     tuple of Node
         Reaches (-1, 0 or 1) along each parameter.
     """
-    steps = [(-1, 0, 1) if reach > 0.0 else (0,) for reach in reach_m]
-    grid = [(a, b, 0, 0) for a in steps[HEIGHT] for b in steps[SIDE] if (a, b) != (0, 0)]
-    lines: list[Node] = [(0, 0, a, 0) for a in steps[X] if a]
-    lines += [(0, 0, 0, a) for a in steps[Y] if a]
-    varied = [axis for axis in range(4) if reach_m[axis] > 0.0]
+    steps = [(-1, 0, 1) if own > 0.0 else (0,) for own in reach]
+    grid = [_node({HEIGHT: a, SIDE: b}) for a in steps[HEIGHT] for b in steps[SIDE] if (a, b) != (0, 0)]
+    lines = [_node({axis: a}) for axis in (X, Y, STIFFNESS) for a in steps[axis] if a]
+    varied = [axis for axis in range(PARAMETERS) if reach[axis] > 0.0]
     pairs = [pair for pair in combinations(varied, 2) if pair != (HEIGHT, SIDE)]
-    return (*grid, *lines, *(_node(pair) for pair in pairs))
+    return (*grid, *lines, *(_node(dict.fromkeys(pair, 1)) for pair in pairs))
 
 
 def _is_product(node: Node) -> bool:
-    """Whether a node stands for the product of two parameters, one of them a place of the foot."""
-    return sum(map(bool, node)) == 2 and bool(node[X] or node[Y])
+    """Whether a node stands for the product of two parameters that form no grid."""
+    return sum(map(bool, node)) == 2 and any(node[X:])
 
 
-def _node(ones: Sequence[int]) -> Node:
-    """The node one reach away in these parameters."""
-    a, b, c, d = (int(axis in ones) for axis in range(4))
-    return a, b, c, d
+def _node(steps: Mapping[int, int]) -> Node:
+    """The node so many reaches away along these parameters."""
+    return tuple(steps.get(axis, 0) for axis in range(PARAMETERS))
 
 
-def cell_family(
-    reductions: Reductions, panel: Panel, reach_m: FloatArray, coarser: Coarser | None = None
-) -> CellFamily:
+def cell_family(reductions: Reductions, panel: Panel, reach: FloatArray, coarser: Coarser | None = None) -> CellFamily:
     """Reduce a panel with a pillar at every node of the interpolation.
 
     Parameters
@@ -131,15 +126,15 @@ def cell_family(
         Materials and settings of the plate's reductions.
     panel : Panel
         Panel with a foot.
-    reach_m : ndarray, shape (4,)
-        Reach of height, side, x and y on either side of the nominal pillar.
+    reach : ndarray, shape (5,)
+        Reach of height, side, x and y (m) and relative stiffness on either side of the nominal pillar.
     coarser : callable, optional
         Corrects the nominal cell's discretisation error; its small change with the pillar is neglected.
 
     Returns
     -------
     CellFamily
-        The nominal cell, its changes at the nodes, and the error of the interpolation at `checked_m`.
+        The nominal cell, its changes at the nodes, and the error of the interpolation at `checked`.
 
     Raises
     ------
@@ -152,9 +147,9 @@ def cell_family(
     if pillar is None or not pillar.is_plain or panel.foot is None:
         raise SolverError(f"only {PLAIN} can be varied")
     sampler = _Sampler(reductions, panel, pillar)
-    reach = np.asarray(reach_m, dtype=float)
+    reach = np.asarray(reach, dtype=float)
     nodes = nodes_of(reach)
-    zero = sampler.matrices(np.zeros(4))
+    zero = sampler.matrices(np.zeros(PARAMETERS))
     for one, other in zip(zero, (sampler.cell.stiffness, sampler.cell.mass), strict=True):
         if np.abs(one - other).max() > 1e-8 * np.abs(other).max():
             raise SolverError("the unvaried pillar's cell is not the nominal one")
@@ -165,7 +160,7 @@ def cell_family(
     stacked = [np.array([pair[i] for pair in changes.values()]).reshape(len(nodes), size, size) for i in (0, 1)]
     none = np.zeros_like(zero[0]), np.zeros_like(zero[1])
     family = CellFamily(sampler.cell, reach, nodes, stacked[0], stacked[1], none)
-    checked = zip(sampler.matrices(family.checked_m), family.at(family.checked_m), strict=True)
+    checked = zip(sampler.matrices(family.checked), family.at(family.checked), strict=True)
     stiffer, heavier = (own - interpolated for own, interpolated in checked)
     cell = coarser(sampler.cell, sampler.build, sampler.parts) if coarser else sampler.cell
     return replace(family, cell=cell, missed=(stiffer, heavier))
@@ -182,23 +177,23 @@ class _Sampler:
         self.cell: Cell = self.build.join(self.parts)
         self.nodes = nominal.mesh.nodes
 
-    def change(self, node: Node, reach_m: FloatArray, before: dict[Node, Pair]) -> Pair:
+    def change(self, node: Node, reach: FloatArray, before: dict[Node, Pair]) -> Pair:
         """K_r and M_r at a node less the nominal ones, at a product's less what either of its parameters changes alone, too.
 
         A foot moved back is the mirror image of one moved on.
         """
-        height, side, x, y = node
         if _is_product(node):
-            alone = [before[_node([axis])] for axis in range(4) if node[axis]]
-            both = self._difference(node, reach_m)
+            alone = [before[_node({axis: 1})] for axis in range(PARAMETERS) if node[axis]]
+            both = self._difference(node, reach)
             return both[0] - alone[0][0] - alone[1][0], both[1] - alone[0][1] - alone[1][1]
-        for axis, moved, twin in ((0, x, (height, side, -x, y)), (1, y, (height, side, x, -y))):
-            if moved and twin in before and axis in self.panel.halved:
+        for axis in self.panel.halved:
+            twin = _node(dict(enumerate(node)) | {X + axis: -node[X + axis]})
+            if twin != node and twin in before:
                 return self._mirrored(before[twin], axis)
-        return self._difference(node, reach_m)
+        return self._difference(node, reach)
 
-    def _difference(self, node: Node, reach_m: FloatArray) -> Pair:
-        varied = self.matrices(np.array(node) * reach_m)
+    def _difference(self, node: Node, reach: FloatArray) -> Pair:
+        varied = self.matrices(np.array(node) * reach)
         return varied[0] - self.cell.stiffness, varied[1] - self.cell.mass
 
     def _mirrored(self, pair: Pair, axis: int) -> Pair:
@@ -209,13 +204,15 @@ class _Sampler:
         one, two = (matrix[np.ix_(where, where)] * np.outer(sign, sign) for matrix in pair)
         return one, two
 
-    def matrices(self, change_m: FloatArray) -> Pair:
+    def matrices(self, change: FloatArray) -> Pair:
         """K_r and M_r over [boundary degrees of freedom, the nominal cell's fixed-interface modes]."""
-        kept = tuple(axis for axis in self.panel.halved if change_m[X + axis] == 0.0)
+        kept = tuple(axis for axis in self.panel.halved if change[X + axis] == 0.0)
         opened = [axis for axis in self.panel.halved if axis not in kept]
         varied = self._varied(opened)
-        still, moved = varied.still, varied.moved(PillarChange(*np.asarray(change_m, dtype=float)))
-        build = CellBuilder(self.reductions.system(moved), self.build.interface, kept, self.panel.free)
+        still, moved = varied.still, varied.moved(PillarChange(*np.asarray(change[:STIFFNESS], dtype=float)))
+        build = CellBuilder(
+            self._stiffened(1.0 + change[STIFFNESS]).system(moved), self.build.interface, kept, self.panel.free
+        )
         stiffness, mass = (np.zeros((self.cell.dof,) * 2) for _ in range(2))
         for signs in product((1, -1), repeat=len(kept)):
             target = dict(zip(kept, signs, strict=True))
@@ -240,6 +237,10 @@ class _Sampler:
         place[cell.interface.count + modes, width + np.arange(len(modes))] = 1.0
         stiffness = build.copies * place @ (shapes.T @ (moved.stiffness @ shapes)) @ place.T
         return stiffness, build.copies * place @ weighted(shapes, moved.mass) @ place.T
+
+    def _stiffened(self, factor: float) -> Reductions:
+        """The reductions with this pillar, all elastic constants of its material times a factor."""
+        return replace(self.reductions, pillar=replace(self.pillar, material=self.pillar.material.scaled(factor)))
 
     def _varied(self, opened: Sequence[int]) -> VariedPanel:
         own = self.reductions
@@ -296,9 +297,9 @@ def _orthonormal(gram: FloatArray, eigenvalue: FloatArray) -> FloatArray:
 
 @dataclass
 class VariedReductions(Reductions):
-    """reach_m: how far a pillar's height, side, x and y may go from nominal; `families` fills as panels are needed."""
+    """reach: how far a pillar's height, side, x, y and stiffness may go from nominal; `families` fills as panels are needed."""
 
-    reach_m: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    reach: tuple[float, ...] = (0.0,) * PARAMETERS
     parametric_cache: Cache[CellFamily] | None = None
     families: dict[Signature, CellFamily] = field(default_factory=dict)
 
@@ -313,12 +314,12 @@ class VariedReductions(Reductions):
     def _family(self, panel: Panel) -> CellFamily:
         if self.mesher is not None:
             raise SolverError(f"only {PLAIN} meshed by hexahedra can be varied")
-        key = hashlib.sha256(repr(("family", self._key(panel), self.reach_m)).encode()).hexdigest()
+        key = hashlib.sha256(repr(("family", self._key(panel), self.reach)).encode()).hexdigest()
         kept = self.parametric_cache.get(key) if self.parametric_cache else None
         if kept is not None:
             self.reused += 1
             return kept
-        family = cell_family(self, panel, np.array(self.reach_m), self.coarser(panel))
+        family = cell_family(self, panel, np.array(self.reach), self.coarser(panel))
         self.fresh += 1
         if self.parametric_cache:
             self.parametric_cache.put(key, family)

@@ -18,7 +18,7 @@ from solvers.fem.eigen import factor_near
 from solvers.measures.target_mode import Verdict, verdict
 from solvers.piezo.bond import mirror_signs
 from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, quadratic, rms, touched
-from solvers.variation.cells import CellFamily
+from solvers.variation.cells import PARAMETERS, STIFFNESS, CellFamily
 
 # -- plate on few motions ----------------------------------------------------------------------------------------------
 # A driven plate on few motions: its modes about the band and its answers to the loads, for changed K and M.
@@ -222,8 +222,8 @@ def _pulls(basis: GroupModes, index: int, families: Mapping[Signature, CellFamil
         pairs = zip(group.plates, parts, strict=True)
         moved = np.hstack([plate.cell_vectors(plate.placed_cells[number], part) for plate, part in pairs])
         forces = []
-        for axis in np.flatnonzero(family.reach_m):
-            weights = family.weights(np.eye(4)[axis] * family.reach_m / deviations)
+        for axis in np.flatnonzero(family.reach):
+            weights = family.weights(np.eye(PARAMETERS)[axis] * family.reach / deviations)
             stiffness, mass = (np.tensordot(weights, each, axes=1) for each in (family.stiffness, family.mass))
             forces.append((stiffness - value * mass) @ moved)
         out.append((number, np.hstack(forces)))
@@ -265,34 +265,37 @@ ENERGY = 1e-14  # of the largest: neglected part of a cell's motions, square of 
 
 @dataclass(frozen=True)
 class Deviations:
-    """Standard deviations in m of a pillar's height, its side and each coordinate of its foot."""
+    """Standard deviations of a pillar's height, its side and each coordinate of its foot, m, and of its stiffness, relative."""
 
     height_m: float
     side_m: float
     position_m: float
+    stiffness: float = 0.0
 
     @property
-    def sizes_m(self) -> FloatArray:
-        """Per parameter: height, side, x, y."""
-        return np.array([self.height_m, self.side_m, self.position_m, self.position_m])
+    def sizes(self) -> FloatArray:
+        """Per parameter: height, side, x, y, stiffness."""
+        return np.array([self.height_m, self.side_m, self.position_m, self.position_m, self.stiffness])
 
     @property
-    def reach_m(self) -> tuple[float, float, float, float]:
-        """Largest deviation per parameter, m."""
-        height, side, x, y = (float(CUT * size) for size in self.sizes_m)
-        return height, side, x, y
+    def reach(self) -> tuple[float, ...]:
+        """Largest deviation per parameter."""
+        return tuple(float(CUT * size) for size in self.sizes)
 
     def draw(self, pillars: int, samples: int, seed: int) -> FloatArray:
-        """Deviations (samples, pillars, 4) in m: normal, cut at three standard deviations, the same for the same seed."""
+        """Deviations (samples, pillars, 5): normal, cut at three standard deviations, the same for the same seed.
+
+        Stiffness is drawn last: sizes and places do not depend on whether it varies.
+        """
         random = np.random.default_rng(seed)
         edge = norm.cdf(CUT)
-        unit = norm.ppf(random.uniform(1.0 - edge, edge, (samples, pillars, 4)))
-        return np.asarray(unit * self.sizes_m)
+        placed, stiff = (random.uniform(1.0 - edge, edge, (samples, pillars, count)) for count in (STIFFNESS, 1))
+        return np.asarray(norm.ppf(np.concatenate([placed, stiff], axis=-1)) * self.sizes)
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """Pillars of one kind of cell: numbers (p,), signs (p, 4) of their deviations, motions (p, r, columns).
+    """Pillars of one kind of cell: numbers (p,), signs (p, 5) of their deviations, motions (p, r, columns).
 
     stiffness, mass: the cell's changes at the nodes of its family, (nodes, r, r); missed: of both, (r, r), as the family's.
     """
@@ -305,9 +308,9 @@ class _Kind:
     mass: FloatArray
     missed: tuple[FloatArray, FloatArray]
 
-    def changes(self, change_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Changes of K and M of each pillar's cell for deviations (p, 4) m in the cell's own directions, (p, r, r)."""
-        weights = self.family.weights(change_m)
+    def changes(self, change: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Changes of K and M of each pillar's cell for deviations (p, 5) in the cell's own directions, (p, r, r)."""
+        weights = self.family.weights(change)
         stiffness, mass = (np.tensordot(weights, nodes, axes=1) for nodes in (self.stiffness, self.mass))
         return stiffness, mass
 
@@ -320,21 +323,21 @@ class VariedPlate:
         self.space = PlateSpace(forced, _derivative_shapes(forced, families, CUT))
         self.pillars, self._kinds = self._placed(families)
 
-    def sample(self, change_m: FloatArray, within_hz: tuple[float, float] | None = None) -> ChangedPlate:
-        """The plate with deviations (pillars, 4) in m: height, side, x, y, in the order of `pillars`.
+    def sample(self, change: FloatArray, within_hz: tuple[float, float] | None = None) -> ChangedPlate:
+        """The plate with deviations (pillars, 5): height, side, x, y (m), relative stiffness, in the order of `pillars`.
 
         within_hz: take only the modes between these frequencies into the space, besides the static answers.
         """
-        if change_m.shape != (len(self.pillars), 4):
-            raise SolverError(f"deviations of shape {change_m.shape}: must be ({len(self.pillars)}, 4)")
-        changes = [kind.changes(change_m[kind.numbers] * kind.signs) for kind in self._kinds]
+        if change.shape != (len(self.pillars), PARAMETERS):
+            raise SolverError(f"deviations of shape {change.shape}: must be ({len(self.pillars)}, {PARAMETERS})")
+        changes = [kind.changes(change[kind.numbers] * kind.signs) for kind in self._kinds]
         return self._changed(changes, None if within_hz is None else self.space.within(within_hz))
 
     def checked(self) -> tuple[ChangedPlate, ChangedPlate]:
         """The plate with all pillars at their families' checked deviations: interpolated, and from the reductions."""
         interpolated, reduced = [], []
         for kind in self._kinds:
-            own = kind.changes(np.broadcast_to(kind.family.checked_m, kind.signs.shape))
+            own = kind.changes(np.broadcast_to(kind.family.checked, kind.signs.shape))
             interpolated.append(own)
             reduced.append((own[0] + kind.missed[0], own[1] + kind.missed[1]))
         return self._changed(interpolated), self._changed(reduced)
@@ -365,7 +368,7 @@ class VariedPlate:
                     continue
                 turn = [-1.0 if turned else 1.0 for turned in flip]
                 motion = self._turned(parts, turn)
-                entry = ((turn[0] * foot[0], turn[1] * foot[1]), np.array([1.0, 1.0, *turn]), motion)
+                entry = ((turn[0] * foot[0], turn[1] * foot[1]), np.array([1.0, 1.0, *turn, 1.0]), motion)
                 gathered.setdefault(signature(tiling.panel(i, j)), []).append(entry)
         feet = np.array([foot for entries in gathered.values() for foot, _, _ in entries]).reshape(-1, 2)
         order = np.lexsort(np.round(feet, 9).T)

@@ -93,6 +93,7 @@ def test_where_pillars_stand_changes_nothing_and_is_said_to_be_left_out(
     [
         ((), "[tolerance]"),
         (("tolerance.position_mm=0.1",), "tolerance.side_mm must be above 0"),
+        (("tolerance.height_mm=0.05", "tolerance.young_percent=2"), "tolerance.young_percent must be 0"),
         (("tolerance.height_mm=0.3",), "3 standard deviations reach height"),
         (("tolerance.side_mm=0.1",), "3 standard deviations reach side"),
     ],

@@ -131,6 +131,7 @@ def test_with_patches_they_drive(case: Path, tmp_path: Path) -> None:
         (CASE, ["--set", "tolerance.height_mm=0"], "nothing varies"),
         (CASE, ["--set", "tolerance.height_mm=2.5"], "a third of pillar.height_mm"),
         (CASE, ["--set", "tolerance.position_mm=0.8"], "pillars may touch"),
+        (CASE, ["--set", "tolerance.young_percent=11"], "tolerance.young_percent = 11: must be"),
         (CASE, ["--set", "array.rows=0"], "array.rows above 0"),
         (CASE, ["--set", "pillar.fillet_mm=0.2"], "cross-shaped pillars of one section without fillet"),
         (CASE, ["--set", "tolerance.samples=0"], "from 1 to 10000"),
@@ -155,7 +156,7 @@ def test_a_case_without_the_table_is_understood_as_before(tmp_path: Path) -> Non
     path.write_text(CASE.split("[tolerance]")[0])
     assert "tolerance" not in load_case(path).to_dict()
     given = load_case(path, ["tolerance.side_mm=0.02"]).to_dict()["tolerance"]
-    assert given == {"height_m": 0.0, "side_m": 2e-5, "position_m": 0.0, "samples": 20, "seed": 1}
+    assert given == {"height_m": 0.0, "side_m": 2e-5, "position_m": 0.0, "young_percent": 0.0, "samples": 20, "seed": 1}
     with pytest.raises(InputError, match=r"did you mean tolerance\.side_mm"):
         load_case(path, ["tolerance.sides_mm=0.02"])
 

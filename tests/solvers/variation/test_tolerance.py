@@ -24,7 +24,7 @@ from solvers.piezo.patched_plate import CLASSES, PatchedPlate, PressedPlate
 from solvers.plates.assembled import PlateModel
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE
-from solvers.variation.cells import VariedReductions
+from solvers.variation.cells import PARAMETERS, STIFFNESS, VariedReductions
 from solvers.variation.samples import LEFT, Deviations, VariedPlate, spread
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -38,12 +38,13 @@ TALL_M = 7.5e-3  # a pillar of a plate whose level depends on them
 ALIKE_DB = 0.01  # levels nearer than that are alike
 MOVED = 0.1  # of the spread: what the space may move a sample by before the tool warns
 DEVIATIONS = Deviations(0.06e-3, 0.02e-3, 0.02e-3)
+STIFFER = Deviations(0.03e-3, 0.0, 0.0, 0.05)
 REDUCTION = ReductionSettings(Interface(3, 2), 450e3, HexSettings(2, 4e-3, 0, 0.25, 4e-3), 6e-3)
 
 
-def model(design: Design) -> tuple[PlateModel, VariedReductions]:
+def model(design: Design, deviations: Deviations = DEVIATIONS) -> tuple[PlateModel, VariedReductions]:
     reductions = VariedReductions(
-        Stack.of(design.thickness_m, ALUMINIUM), design.pillar, REDUCTION, reach_m=DEVIATIONS.reach_m
+        Stack.of(design.thickness_m, ALUMINIUM), design.pillar, REDUCTION, reach=deviations.reach
     )
     return PlateModel(design, reductions), reductions
 
@@ -99,7 +100,7 @@ def test_a_plate_solved_whole_varies_as_by_its_classes():
 class Whole:
     """Every cell of the plate assembled, no mirror used: each pillar with the cell that its deviations give."""
 
-    def __init__(self, change_m: np.ndarray, have: Stand) -> None:
+    def __init__(self, change: np.ndarray, have: Stand) -> None:
         self.have = have
         joined = have.made.assembled("SS")
         self.tiling, self.grid = joined.tiling, joined.grid
@@ -108,7 +109,7 @@ class Whole:
         self.panels = []
         for i in range(self.grid.nx):
             for j in range(self.grid.ny):
-                cell, turn, k, m = self._cell(i, j, change_m)
+                cell, turn, k, m = self._cell(i, j, change)
                 dofs = self.grid.dofs(i, j)
                 self.panels.append((i, j, cell, turn, dofs))
                 rows.append(np.repeat(dofs, len(dofs)))
@@ -123,11 +124,11 @@ class Whole:
             for v in (stiff, heavy)
         )
 
-    def _cell(self, i: int, j: int, change_m: np.ndarray) -> tuple:
+    def _cell(self, i: int, j: int, change: np.ndarray) -> tuple:
         """The reduction of the piece's positive image, what turns the piece's degrees of freedom into that one's, and K, M."""
         other = (max(i, self.grid.nx - 1 - i), max(j, self.grid.ny - 1 - j))
         cell = self.grid.cell(i, j)
-        turn, signs = np.eye(cell.dof), np.ones(4)
+        turn, signs = np.eye(cell.dof), np.ones(PARAMETERS)
         for axis in (0, 1):
             if (i, j)[axis] != other[axis]:
                 where, sign = cell.interface.mirror(axis)
@@ -141,7 +142,7 @@ class Whole:
         have = self.have
         number = int(np.argmin(np.abs(have.varied.pillars - np.array(foot)).sum(axis=1)))
         family = have.reductions.families[signature(self.tiling.panel(*other))]
-        return cell, turn, *family.at(signs * change_m[number])
+        return cell, turn, *family.at(signs * change[number])
 
     def nearest_hz(self, frequency_hz: float) -> float:
         """The natural frequency nearest to one, Hz."""
@@ -180,7 +181,7 @@ class Whole:
 def test_without_deviations_the_target_mode_is_tracked_to_itself() -> None:
     """In this band the target shape is split: other modes, and what the pressure adds to them, have it too."""
     have = stand()
-    still = have.varied.sample(np.zeros((len(have.varied.pillars), 4)))
+    still = have.varied.sample(np.zeros((len(have.varied.pillars), PARAMETERS)))
     assert still.tracked_hz == pytest.approx(have.forced.target_hz(), rel=1e-9)
     assert still.target_share.max() == pytest.approx(1.0, abs=1e-9) and still.target_share.sum() == pytest.approx(
         1.0, abs=1e-9
@@ -190,7 +191,7 @@ def test_without_deviations_the_target_mode_is_tracked_to_itself() -> None:
 def test_without_deviations_it_is_the_nominal_plate() -> None:
     have = stand()
     tones = np.linspace(*BAND_HZ, 41)
-    still = have.varied.sample(np.zeros((len(have.varied.pillars), 4))).curve(tones)
+    still = have.varied.sample(np.zeros((len(have.varied.pillars), PARAMETERS))).curve(tones)
     given = have.forced.curve(tones)
     assert still.zone_rms_m_per_v == pytest.approx(given.zone_rms_m_per_v, rel=2.0 / QUALITY)
     assert given.passive_rms_m_per_v is not None
@@ -308,7 +309,7 @@ def test_the_mirror_image_of_a_plate_answers_alike() -> None:
     for axis in (0, 1):
         image = varied.pillars * np.where(np.arange(2) == axis, -1.0, 1.0)
         order = np.array([int(np.abs(varied.pillars - place).sum(axis=1).argmin()) for place in image])
-        mirrored = change[order] * np.where(np.arange(4) == 2 + axis, -1.0, 1.0)
+        mirrored = change[order] * np.where(np.arange(PARAMETERS) == 2 + axis, -1.0, 1.0)
         other = varied.sample(mirrored).curve(tones)
         assert other.zone_rms_m_per_v == pytest.approx(curve.zone_rms_m_per_v, rel=1e-6)
         assert other.passive_rms_m_per_v == pytest.approx(curve.passive_rms_m_per_v, rel=1e-6)
@@ -323,11 +324,25 @@ def peak_hz(source: object, low: float, high: float) -> float:
 def test_all_pillars_higher_is_the_plate_designed_so() -> None:
     """A plate with higher pillars of its own, meshed and reduced anew: the peak moves by the same."""
     have, more = stand(), 0.15e-3
-    change = np.zeros((len(have.varied.pillars), 4))
+    change = np.zeros((len(have.varied.pillars), PARAMETERS))
     change[:, 0] = more
     design = replace(DESIGN, pillar=replace(PILLAR, height_m=PILLAR.height_m + more))
     other = pressed(model(design)[0], design)
     nominal, mine, theirs = (peak_hz(one, *BAND_HZ) for one in (have.forced, have.varied.sample(change), other))
+    assert abs(theirs / nominal - 1.0) > 2e-3
+    assert mine - nominal == pytest.approx(theirs - nominal, rel=0.05, abs=0.02 * nominal / QUALITY)
+
+
+def test_all_pillars_stiffer_is_the_plate_of_that_material() -> None:
+    """Three standard deviations: a plate whose pillars have 15 % more of every constant, reduced anew."""
+    made, reductions = model(DESIGN, STIFFER)
+    forced = pressed(made, DESIGN)
+    varied = VariedPlate(forced, reductions.families)
+    change = np.zeros((len(varied.pillars), PARAMETERS))
+    change[:, STIFFNESS] = 3.0 * STIFFER.stiffness
+    design = replace(DESIGN, pillar=replace(PILLAR, material=ALUMINIUM.scaled(1.0 + 3.0 * STIFFER.stiffness)))
+    other = pressed(model(design, STIFFER)[0], design)
+    nominal, mine, theirs = (peak_hz(one, *BAND_HZ) for one in (forced, varied.sample(change), other))
     assert abs(theirs / nominal - 1.0) > 2e-3
     assert mine - nominal == pytest.approx(theirs - nominal, rel=0.05, abs=0.02 * nominal / QUALITY)
 
@@ -344,12 +359,15 @@ def test_a_smaller_space_answers_about_the_same() -> None:
 def test_draws_are_seeded_cut_and_of_the_given_size() -> None:
     first, again, other = (DEVIATIONS.draw(500, 8, seed) for seed in (3, 3, 4))
     assert np.array_equal(first, again) and not np.array_equal(first, other)
-    assert (np.abs(first) <= np.array(DEVIATIONS.reach_m) + 1e-15).all()
+    assert (np.abs(first) <= np.array(DEVIATIONS.reach) + 1e-15).all()
     # of a normal cut at three: sqrt(1 - 2 3 phi(3)/(1 - 2 Phi(-3))) = 0.98658
-    spreads = first.std(axis=(0, 1)) / DEVIATIONS.sizes_m
+    sizes, drawn = DEVIATIONS.sizes[:4], first[..., :4]
+    spreads = drawn.std(axis=(0, 1)) / sizes
     assert spreads == pytest.approx(0.98658, abs=5.0 / np.sqrt(2 * 4000))
-    assert first.mean(axis=(0, 1)) / DEVIATIONS.sizes_m == pytest.approx(0.0, abs=5.0 / np.sqrt(4000))
-    assert np.array_equal(Deviations(0.0, 1e-5, 0.0).draw(3, 2, 1)[..., [0, 2, 3]], np.zeros((2, 3, 3)))
+    assert drawn.mean(axis=(0, 1)) / sizes == pytest.approx(0.0, abs=5.0 / np.sqrt(4000))
+    alone, with_stiffness = Deviations(0.0, 1e-5, 0.0).draw(3, 2, 1), Deviations(0.0, 1e-5, 0.0, 0.02).draw(3, 2, 1)
+    assert np.array_equal(alone[..., [0, 2, 3, 4]], np.zeros((2, 3, 4)))
+    assert np.array_equal(alone[..., :4], with_stiffness[..., :4])  # sizes stay what they were
 
 
 def test_statistics_of_few_values() -> None:
@@ -361,7 +379,7 @@ def test_statistics_of_few_values() -> None:
 
 def test_deviations_of_the_wrong_shape_are_refused() -> None:
     with pytest.raises(SolverError, match="must be"):
-        stand().varied.sample(np.zeros((3, 4)))
+        stand().varied.sample(np.zeros((3, PARAMETERS)))
 
 
 HELD = (
@@ -373,9 +391,9 @@ HELD = (
 
 
 @cache
-def held() -> Stand:
+def held(deviations: Deviations = DEVIATIONS) -> Stand:
     design = replace(DESIGN, supports=HELD)
-    made, reductions = model(design)
+    made, reductions = model(design, deviations)
     plate = PressedPlate({WHOLE: made.assembled(None)}, design, made.name)
     tone = ForcedPlate(plate, design, Drive((0,), (), BAND_HZ, QUALITY)).target_hz()
     assert tone is not None
@@ -384,7 +402,7 @@ def held() -> Stand:
     return Stand(design, made, reductions, forced, VariedPlate(forced, reductions.families))
 
 
-def of_one_pillar(have: Stand, pillar: int, change_m: np.ndarray) -> tuple[float, float]:
+def of_one_pillar(have: Stand, pillar: int, change: np.ndarray) -> tuple[float, float]:
     """Frequency and confinement of the supported plate's target mode, assembled with another pillar in one place."""
     plate = have.made.assembled(None)
     places = plate.grid.representative_cells()
@@ -397,7 +415,7 @@ def of_one_pillar(have: Stand, pillar: int, change_m: np.ndarray) -> tuple[float
     )
     live = placed.coefficient != 0.0
     turn = sp.csr_array((placed.coefficient[live], (np.flatnonzero(live), placed.dofs[live])), (len(live), plate.dof))
-    nominal, changes = plate.pencil(), zip(family.at(change_m), (placed.cell.stiffness, placed.cell.mass), strict=True)
+    nominal, changes = plate.pencil(), zip(family.at(change), (placed.cell.stiffness, placed.cell.mass), strict=True)
     stiff, heavy = (sp.csc_array(turn.T @ sp.csr_array(own - before) @ turn) for own, before in changes)
     pencil = PlainPencil(nominal.stiffness + stiff, sp.csc_array(nominal.mass) + heavy, nominal.scale, 0)
     modes = modes_near(pencil, have.forced.target_hz() or 0.0, 1)
@@ -415,19 +433,21 @@ def own_level(varied: VariedPlate, change: np.ndarray) -> tuple[float, float]:
 
 
 def test_a_supported_plates_derivatives_are_differences_of_plates_assembled_anew() -> None:
-    """By a pillar's height, side and place: the space holds the first order of frequencies, and that of shapes but for LEFT
-    of the mode where all pillars are off by one deviation, 20 LEFT / ln 10 of a level.
+    """By a pillar's height, side, place and stiffness: the space holds the first order of frequencies, and that of shapes but
+    for LEFT of the mode where all pillars are off by one deviation, 20 LEFT / ln 10 of a level.
     """
     have = held()
     assert len(have.varied.pillars) == 8 and have.made.assembled(None).rigid_count == 0
-    for axis, size in enumerate(DEVIATIONS.sizes_m):
+    stiff = held(STIFFER)
+    given = [(have, axis, size) for axis, size in enumerate(DEVIATIONS.sizes[:STIFFNESS])]
+    for have, axis, size in (*given, (stiff, STIFFNESS, STIFFER.stiffness)):
         slopes = []
         for pillar in (0, 3, 6):
-            steps = [sign * 0.2 * size * np.eye(4)[axis] for sign in (1.0, -1.0)]
+            steps = [sign * 0.2 * size * np.eye(PARAMETERS)[axis] for sign in (1.0, -1.0)]
             ours = [own_level(have.varied, np.eye(8)[:, [pillar]] * step) for step in steps]
             theirs = [of_one_pillar(have, pillar, step) for step in steps]
             slopes.append((np.subtract(*ours), np.subtract(*theirs)))
         mine, exact = (np.array(each) for each in zip(*slopes, strict=True))
         off = np.abs(mine - exact).max(axis=0)
         assert off[0] < 1e-3 * np.abs(exact[:, 0]).max() and off[1] < 0.4 * 20.0 * LEFT / np.log(10.0)
-        assert axis or np.abs(exact[:, 1]).max() > 0.05  # dB by heights: a hundred times that
+        assert axis not in (0, STIFFNESS) or np.abs(exact[:, 1]).max() > 0.05  # dB by heights: a hundred times that
