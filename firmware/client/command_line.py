@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from firmware.client import actions
+from firmware.client import actions, page
 from firmware.client.client import (
     BoardError,
     Client,
@@ -137,6 +137,11 @@ ACTIONS = {
         "report clock, longest interrupts and last exception", lambda client, text: describe_health(client.health())
     ),
     "watch": Action("show the measured values as bars", actions.watch, (SECONDS,)),
+    "page": Action(
+        "write a page that shows the same in Chromium, Chrome or Edge, without Python (needs no board)",
+        lambda client, text: page.write(text.file),
+        (argument("file", type=Path, metavar="FILE.html"),),
+    ),
     "log": Action(
         "write the measured values to a CSV file",
         actions.log,
@@ -275,6 +280,9 @@ def main(arguments: list[str] | None = None) -> int:
     text = parser_of_all().parse_args(with_port(sys.argv[1:] if arguments is None else arguments))
     try:
         prepare(text)
+        if text.action == "page":
+            print(page.write(text.file))
+            return 0
         with closing(SerialPort(text.port)) as port, _ended_like_interrupted():
             return carry_out(Client(port), text)
     except ValueError as error:

@@ -289,7 +289,7 @@ class AlikeTolerance(_Drawn, Question[ToleranceResult], instead_of="tolerance", 
     >>> from antinode import Scatter, load
     >>> plate = load("examples/small.toml", tolerance=Scatter(height_mm=0.05, samples=2))
     >>> plate.alike_tolerance().pillars
-    54
+    28
     """
 
     alike: bool = option(

@@ -204,7 +204,7 @@ class Touch(
     >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
     >>> touched = plate.with_(touch=Finger(radius_mm=5.0)).touch((33.0, 36.0), mapped=False)
     >>> round(touched.mode.shift_hz, -2), round(touched.mode.quality_factor)
-    (-300.0, 40)
+    (-300.0, 42)
     """
 
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")

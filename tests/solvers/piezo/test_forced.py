@@ -518,7 +518,9 @@ def test_what_is_told_of_a_patch_at_the_plates_free_end_does_not_stand_for_one_i
 
 @pytest.mark.slow
 def test_a_bonded_patch_is_held_as_softly_as_by_the_whole_solid() -> None:
-    """The solid's coarse mesh lies 0.2 to 0.4 % above a finer one; without the panels' own flexibility ours does so, too."""
+    """The solid's coarse mesh lies 0.2 to 0.4 % above a finer one. Without the panels' own flexibility ours is stiffer in every
+    mode, and by that much in those that strain the panel.
+    """
     box, made = MIDDLE[0], plate_of(300e3, 4e-3)
     solid, errors = conforming(box), []
     for beneath in (StaticCorrection(made.reductions), None):
@@ -528,7 +530,7 @@ def test_a_bonded_patch_is_held_as_softly_as_by_the_whole_solid() -> None:
         errors.append(np.sort(np.concatenate(mine)) / solid - 1.0)
     soft, stiff = errors
     assert soft.min() > -0.006 and soft.max() < 0.0
-    assert (stiff > soft + 0.001).all()
+    assert (stiff > soft).all() and (stiff - soft).max() > 0.002
 
 
 class _Kept:
