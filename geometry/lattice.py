@@ -21,9 +21,10 @@ MIRRORS = {
 }
 SAME = 1e-9  # of a reciprocal vector, or of a turn: wavevectors nearer to each other are one
 FURTHEST = 10  # multiples of each lattice vector among which one along x is looked for
+SHORTEST = 2  # multiples of the shortest vectors among which the axes of a lattice are looked for
 NEAREST = 2  # multiples of each reciprocal vector whose bisectors may bound the zone
 LABELS = re.compile("[A-Z][0-9]?")
-KNOWN = ("G", "X", "X1", "M", "S", "Y", "Y1", "K", "K1", "M1")  # of every lattice
+KNOWN = ("G", "X", "X1", "M", "S", "Y", "Y1", "K", "K1", "M1", "H", "C", "H1")  # of every lattice
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,36 @@ def rows_along_x(a1: Sequence[float], a2: Sequence[float]) -> tuple[float, float
     return (pitch, distance, True) if abs(shift - HALF) <= SAME * FURTHEST * size / pitch else None
 
 
+def shortest_vectors(a1: Sequence[float], a2: Sequence[float]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Find the two shortest vectors of a lattice.
+
+    Parameters
+    ----------
+    a1, a2 : sequence of float
+        Vectors (x, y) in any unit, not parallel.
+
+    Returns
+    -------
+    tuple of tuple
+        One towards +x, and the other one 60 to 90 degrees to its left.
+    """
+    one, two = np.array([a1, a2], dtype=float)
+    while abs(steps := float(np.rint(two @ one / (one @ one)))) > 0.0 and abs(two @ one) > (HALF + SAME) * (one @ one):
+        one, two = two - steps * one, one
+    if two @ two < one @ one:
+        one, two = two, one
+    if abs(two @ one) > (HALF + SAME) * (one @ one):
+        return shortest_vectors(one.tolist(), two.tolist())
+    if two @ one < 0.0:
+        two = -two
+    if one[0] * two[1] < one[1] * two[0]:
+        one, two = two, one
+    if one[0] < 0.0:
+        one, two = -one, -two
+    (x1, y1), (x2, y2) = one.tolist(), two.tolist()
+    return (x1, y1), (x2, y2)
+
+
 def labels_of(path: str) -> tuple[str, ...]:
     """Split a path such as GXSX1YG into the labels of its points.
 
@@ -123,12 +154,12 @@ def labels_of(path: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Lattice:
-    """The points n a1 + m a2 of the plane: rectangular, or with every other row shifted by half a pitch, such as triangular.
+    """The points n a1 + m a2 of the plane: rectangular, of rows shifted by half a pitch, such as triangular, or oblique.
 
     Attributes
     ----------
     a1_m, a2_m : tuple of float
-        Lattice vectors (x, y) in m, a1 along x.
+        Lattice vectors (x, y) in m, a2 to the left of a1: a1 along x, or the two shortest ones.
     """
 
     a1_m: tuple[float, float]
@@ -141,19 +172,47 @@ class Lattice:
 
     @property
     def is_centred(self) -> bool:
-        """Whether neighbouring rows are shifted."""
-        return self.a2_m[0] != 0.0
+        """Whether neighbouring rows along x are shifted by half a pitch."""
+        return self._lies_along_x and self.a2_m[0] != 0.0
+
+    @property
+    def _lies_along_x(self) -> bool:
+        """Whether it is one of rows along x, in line or shifted by half a pitch."""
+        (length, rise), (shift, _) = self.a1_m, self.a2_m
+        return rise == 0.0 and (shift == 0.0 or abs(shift - HALF * length) <= SAME * length)
+
+    @cached_property
+    def axes(self) -> tuple[Lattice, FloatArray] | None:
+        """The same lattice with its axes along x and y, and the turn (2, 2) from there; None for one without mirrors."""
+        if self._lies_along_x:
+            return self, np.eye(2)
+        steps = range(-SHORTEST, SHORTEST + 1)
+        ahead = np.array([(i, j) for i in steps for j in steps if i or j]) @ self.vectors_m
+        best: tuple[tuple[bool, bool, float], Lattice, FloatArray] | None = None
+        for x, y in ahead / np.linalg.norm(ahead, axis=1)[:, None]:
+            turn = np.array([[x, -y], [y, x]])
+            rows = rows_along_x(*(self.vectors_m @ turn))
+            if rows is None:
+                continue
+            own = Lattice.of_rows(*rows)
+            rank = rows[2], not own.is_triangular, 1.0 - float(x)
+            if best is None or rank < best[0]:
+                best = rank, own, turn
+        return best[1:] if best else None
 
     @property
     def is_triangular(self) -> bool:
         """Whether every point has six nearest neighbours."""
-        pitch = self.a1_m[0]
-        return bool(np.allclose(self.a2_m, (HALF * pitch, SLOPE * pitch), rtol=SAME, atol=SAME * pitch))
+        length, other = np.linalg.norm(self.vectors_m, axis=1)
+        across = abs(self.vectors_m[0] @ self.vectors_m[1])
+        return bool(np.allclose([other, across / length], [length, HALF * length], rtol=SAME, atol=SAME * length))
 
     @property
     def name(self) -> str:
         """The kind of lattice in one word."""
-        return "triangular" if self.is_triangular else "staggered" if self.is_centred else "rectangular"
+        if self.axes is None:
+            return "oblique"
+        return "triangular" if self.is_triangular else "staggered" if self.axes[0].is_centred else "rectangular"
 
     @property
     def vectors_m(self) -> FloatArray:
@@ -167,8 +226,14 @@ class Lattice:
 
     @property
     def cell_m(self) -> tuple[float, float]:
-        """Sides of the rectangle between two columns and two rows, m: a cell of the lattice, its rows laid like bricks."""
-        return self.a1_m[0], self.a2_m[1]
+        """Sides of the rectangle between two columns and two rows, m: a cell of the lattice, its rows laid like bricks.
+
+        Of rows that do not lie along x, the lengths of the two vectors.
+        """
+        if self._lies_along_x:
+            return self.a1_m[0], self.a2_m[1]
+        length, other = np.linalg.norm(self.vectors_m, axis=1).tolist()
+        return length, other
 
     @cached_property
     def reciprocal_per_m(self) -> FloatArray:
@@ -195,14 +260,31 @@ class Lattice:
     def point_group(self, mirrors: Collection[str]) -> list[FloatArray]:
         """Return the rotations and mirrors (2, 2) that leave the frequencies w(k) of a cell alone.
 
-        They are generated by those of the cell's own mirrors that the lattice has, too, and by w(-k) = w(k).
+        They are those of the cell's own mirrors, and of their products, that the lattice has, too, and w(-k) = w(k). A cell
+        with d and h is round: it has all mirrors.
         """
+        if {"d", "h"} <= {*mirrors} and not self._lies_along_x:
+            return self._isometries
         group, own = [np.eye(2), -np.eye(2)], [MIRRORS[name] for name in mirrors]
-        own = [each for each in own if all(self.is_same(each @ b, np.zeros(2)) for b in self.reciprocal_per_m)]
+        if self._lies_along_x:
+            own = [each for each in own if self._keeps(each)]
         for known in group:  # grows as long as there are new products
             products = (each @ known for each in own)
             group += [new for new in products if all(np.abs(new - other).max() > SAME for other in group)]
-        return group
+        return [each for each in group if self._keeps(each)]
+
+    def _keeps(self, turn: FloatArray) -> bool:
+        """Whether a rotation or mirror (2, 2) takes the lattice to itself."""
+        return all(self.is_same(turn @ b, np.zeros(2)) for b in self.reciprocal_per_m)
+
+    @property
+    def _isometries(self) -> list[FloatArray]:
+        """All rotations and mirrors (2, 2) of the lattice: those of the lattice with its axes along x and y."""
+        if self.axes is None:
+            return [np.eye(2), -np.eye(2)]
+        own, turn = self.axes
+        mirrors = ("x", "y", *(name for name in ("d", "h") if own._keeps(MIRRORS[name])))
+        return [turn @ each @ turn.T for each in own.point_group(mirrors)]
 
     @cached_property
     def zone(self) -> FloatArray:
@@ -221,13 +303,14 @@ class Lattice:
         return others, (others**2).sum(axis=1) / 2.0
 
     def _irreducible(self, mirrors: Collection[str]) -> tuple[FloatArray, FloatArray]:
-        """The zone's half-planes and those of the sector that the point group leaves, from the kx axis on.
-
-        The diagonal mirror alone has the sector about the axis.
+        """The zone's half-planes and those of the sector that the point group leaves: from a mirror's axis to the next one, or
+        from the kx axis on where there is no mirror.
         """
         group = self.point_group(mirrors)
         sector = 2.0 * np.pi / len(group)
-        start = -sector / 2.0 if {*mirrors} == {"d"} and len(group) == 4 else 0.0
+        lines = [np.arctan2(each[1, 0], each[0, 0]) / 2.0 for each in group if np.linalg.det(each) < 0.0]
+        nearest = min((line - sector * np.ceil(line / sector - SAME) for line in lines), key=abs, default=0.0)
+        start = float(nearest) if abs(nearest) > SAME else 0.0
         end, (normals, bounds) = start + sector, self._bisectors
         sides = np.array([[np.sin(start), -np.cos(start)], [-np.sin(end), np.cos(end)]])
         return np.vstack([normals, sides * np.abs(normals).max()]), np.append(bounds, [0.0, 0.0])
@@ -241,7 +324,11 @@ class Lattice:
         Labels are those of setyawan2010: of shifted rows X and Y lie where the axes leave the zone, S is the middle of its
         oblique side, and X1 (Y1 where rows are closer than half a pitch) its other corner, equivalent to X (Y). A triangular
         zone has its corners K and the middles of its sides M; K1 and M1 differ from them where a cell has two mirrors alone.
+        A lattice whose axes lie along other directions has them turned. An oblique one has the middles X, C and Y of the
+        sides of its zone and the corners H1 and H between them.
         """
+        if not self._lies_along_x:
+            return self._turned_points
         if not self.is_centred:
             x, y = np.diag(self.reciprocal_per_m) / 2.0
             return {"G": np.zeros(2), "X": np.array([x, 0.0]), "M": np.array([x, y]), "Y": np.array([0.0, y])}
@@ -258,17 +345,51 @@ class Lattice:
             ends = {"X": (x, 0.0), "Y1": (x, y - far_y), "S": middle, "Y": (0.0, far_y)}
         return {"G": np.zeros(2)} | {label: np.array(place) for label, place in ends.items()}
 
+    @property
+    def _turned_points(self) -> dict[str, FloatArray]:
+        """High-symmetry wavevectors of a lattice that is not one of rows along x."""
+        if self.axes is not None:
+            own, turn = self.axes
+            return {label: turn @ place for label, place in own.high_symmetry.items()}
+        one, two = shortest_vectors(*self.reciprocal_per_m)
+        x, y = (
+            np.array(one),
+            np.array(two) - np.array(one),
+        )  # from the middle of a side of the hexagon to that after the next
+        middle = x + y
+        corners = (
+            np.linalg.solve(2.0 * np.array(pair), [each @ each for each in pair]) for pair in ((x, middle), (middle, y))
+        )
+        after, before = corners
+        return {"G": np.zeros(2), "X": x / 2.0, "H1": after, "C": middle / 2.0, "H": before, "Y": y / 2.0}
+
     def border(self, mirrors: Collection[str]) -> str:
         """Return the path along the border of the zone's irreducible part; empty where no mirror of an axis leaves one."""
+        if not self._lies_along_x:
+            return self._turned_border(mirrors)
         if not {"x", "y"} & {*mirrors}:
             return ""
         inside = _lie_in(np.array([*self.high_symmetry.values()]), *self._irreducible(mirrors))
         return "".join(label for label, own in zip(self.high_symmetry, inside, strict=True) if own) + "G"
 
+    def _turned_border(self, mirrors: Collection[str]) -> str:
+        """The border of a lattice that is not one of rows along x; empty where the cell lacks the mirrors of its axes."""
+        if self.axes is None:
+            return ""
+        own, turn = self.axes
+        group = self.point_group(mirrors)
+        kept = [name for name, each in MIRRORS.items() if _is_among(turn @ each @ turn.T, group)]
+        return own.border(kept)
+
     @property
     def default_path(self) -> str:
-        """The path along the border of the zone's irreducible part, by the lattice's own mirrors."""
-        return self.border(MIRRORS)
+        """The path along the border of the zone's irreducible part, by the lattice's own mirrors.
+
+        Of an oblique lattice, once around the half of its zone from one side to the next but one.
+        """
+        if self.axes is None:
+            return "GXH1CHYG"
+        return self.axes[0].border(MIRRORS)
 
     def path(self, labels: str, points: int) -> Path:
         """Return the path through labelled points, such as GXMG, with `points` intervals per segment, ends shared.
@@ -292,6 +413,10 @@ class Lattice:
         shares = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
         wavevectors = shares @ (self.reciprocal_per_m / 2.0)
         return np.asarray(wavevectors[_lie_in(wavevectors, *self._irreducible(mirrors))])
+
+
+def _is_among(matrix: FloatArray, group: Collection[FloatArray]) -> bool:
+    return any(np.abs(matrix - each).max() <= SAME for each in group)
 
 
 def _lie_in(places: FloatArray, normals: FloatArray, bounds: FloatArray) -> BoolArray:

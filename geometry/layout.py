@@ -345,6 +345,9 @@ class Design:
         Supports of the plate; free without.
     outline : Outline or None
         Solid of a plate of another outline than a rectangle, whose extents are then `larger_m`.
+    oblique_m : tuple of tuple or None
+        The two shortest vectors (x, y) of a lattice without rows along x that are in line or shifted by half a pitch; pitches
+        are then their lengths.
     """
 
     length_m: float
@@ -444,6 +447,7 @@ class Design:
     supports: tuple[Support, ...] = ()
     outline: Outline | None = None
     cell_file: str | None = None
+    oblique_m: tuple[tuple[float, float], tuple[float, float]] | None = None
     attached: tuple[Support, ...] = ()
 
     @property
@@ -594,6 +598,8 @@ class Design:
     @property
     def lattice(self) -> Lattice:
         """The lattice that its rows are part of."""
+        if self.oblique_m:
+            return Lattice(*self.oblique_m)
         return Lattice.of_rows(self.pitch_x_m, self.pitch_y_m, self.stagger)
 
     @property
@@ -601,11 +607,24 @@ class Design:
         """Mirrors of the unit cell: x, y, "d", which exchanges x and y, where the pillar and equal pitches have it, and "h",
         about the line at 60 degrees from x, of a triangular lattice.
         """
-        if self.cell_file or self.attached:  # nothing is known of its symmetry
+        if (
+            self.cell_file or self.attached or self.oblique_m
+        ):  # nothing is known of its symmetry, or it has no such mirror
             return ()
         shared = ("x", "y", "d") if self.pitch_x_m == self.pitch_y_m and not self.stagger else ("x", "y")
         kept = {*self.stack.mirrors} & {*(self.pillar or self.stack).mirrors}
         return (*(name for name in shared if name in kept), *(("h",) if self._is_sixfold else ()))
+
+    @property
+    def body_mirrors(self) -> tuple[str, ...]:
+        """Mirrors of the body in a unit cell, whatever its lattice: x, y, d and h; none where nothing is known of it."""
+        if self.cell_file or self.attached:
+            return ()
+        kept = {*self.stack.mirrors} & {*(self.pillar or self.stack).mirrors}
+        sections = self.pillar.sections if self.pillar else ()
+        is_alike = all(each.constants for each in self.materials)
+        shaped = all("h" in section.form.mirrors for section in sections)
+        return (*(name for name in ("x", "y", "d") if name in kept), *(("h",) if is_alike and shaped else ()))
 
     @property
     def _is_sixfold(self) -> bool:

@@ -33,6 +33,8 @@ class Panel:
         Its pillar if rows differ; None for the design's.
     attached : tuple of Support
         Masses, springs and resonators on discs, from its middle.
+    edges_m : tuple of tuple or None
+        Vectors along the sides of an oblique cell about the origin, which low and high do not describe; None for a rectangle.
     """
 
     low: tuple[float, float]
@@ -42,6 +44,7 @@ class Panel:
     free: tuple[str, ...] = ()
     pillar: Pillar | None = None
     attached: tuple[Support, ...] = ()
+    edges_m: tuple[tuple[float, float], tuple[float, float]] | None = None
 
     @property
     def middle(self) -> tuple[float, float]:
@@ -122,7 +125,7 @@ class Tiling:
 
 
 def lattice_panel(design: Design, count: int = 1) -> Panel:
-    """Return the unit cell as a panel, pitch_x x pitch_y, with its pillar in the middle; bare without a pillar.
+    """Return the unit cell as a panel, pitch_x x pitch_y or oblique, with its pillar in the middle; bare without a pillar.
 
     Parameters
     ----------
@@ -138,7 +141,7 @@ def lattice_panel(design: Design, count: int = 1) -> Panel:
     """
     half_x, half_y = design.pitch_x_m / count / 2.0, design.pitch_y_m / 2.0
     halved, foot = mirrored_along(design.cell_mirrors), (0.0, 0.0) if design.pillar or design.cell_file else None
-    return Panel((-half_x, -half_y), (half_x, half_y), foot, halved, attached=design.attached)
+    return Panel((-half_x, -half_y), (half_x, half_y), foot, halved, attached=design.attached, edges_m=design.oblique_m)
 
 
 def mirrored_along(mirrors: Iterable[str]) -> tuple[int, ...]:
@@ -192,6 +195,7 @@ def signature(panel: Panel) -> Signature:
     size = (panel.high[0] - panel.low[0], panel.high[1] - panel.low[1])
     offset = (panel.foot[0] - panel.middle[0], panel.foot[1] - panel.middle[1]) if panel.foot else (np.inf, np.inf)
     own: tuple[Any, ...] = ((panel.pillar,) if panel.pillar else ()) + tuple(each.key for each in panel.attached)
+    own += () if panel.edges_m is None else (panel.edges_m,)
     return (*(round(v, DIGITS) + 0.0 for v in (*size, *offset)), *panel.free, *own)
 
 

@@ -145,7 +145,7 @@ class VariedPanel:
             return self._shifted(shifts, change)
         grown, shift_m = 1.0 + change.side_m / self.pillar.base_m, (change.x_m, change.y_m)
         patches = _foot_patches(self._whole, self.pillar, self.settings, grown, shift_m)
-        z = _lines_along_z(self.stack, self.pillar, self.settings)
+        z = lines_along_z(self.stack, self.pillar, self.settings)
         return _relaid(self._patched, patches, self._raised(z, change), self.stack.thickness_m)
 
     def _raised(self, z: FloatArray, change: PillarChange) -> FloatArray:
@@ -259,11 +259,11 @@ def disc(radius: float, block: tuple[float, float], lines: PlanLines) -> Iterato
         return radius * np.column_stack([np.cos(np.pi / 4.0 * v), np.sin(np.pi / 4.0 * v)])
 
     def around(u: FloatArray, v: FloatArray) -> FloatArray:
-        return _between(middle(np.ones_like(v), v), arc(v), u)
+        return between(middle(np.ones_like(v), v), arc(v), u)
 
-    yield Patch(turn, turn, middle, _filled(turn, turn, 1.0))
-    yield Patch(lines.inner, turn, around, _filled(lines.inner, turn, 1.0))
-    yield Patch(turn, lines.inner, _exchanged(around), _filled(turn, lines.inner, 1.0))
+    yield Patch(turn, turn, middle, filled(turn, turn, 1.0))
+    yield Patch(lines.inner, turn, around, filled(lines.inner, turn, 1.0))
+    yield Patch(turn, lines.inner, _exchanged(around), filled(turn, lines.inner, 1.0))
     yield from _filling(arc, lambda u: arc(u)[:, ::-1], block, turn, lines)
 
 
@@ -289,7 +289,7 @@ def hexagon(flat: float, block: tuple[float, float], lines: PlanLines) -> Iterat
     def quarter(u: FloatArray, v: FloatArray) -> FloatArray:
         return np.column_stack([corner * u * (1.0 - v / 2.0), flat * v])
 
-    yield Patch(inner, inner, quarter, _filled(inner, inner, 1.0))
+    yield Patch(inner, inner, quarter, filled(inner, inner, 1.0))
     right, upper = (lambda v: quarter(np.ones_like(v), v)), (lambda u: quarter(u, np.ones_like(u)))
     yield from _filling(right, upper, block, inner, lines)
 
@@ -312,7 +312,7 @@ def beside(under_x: FloatArray, under_y: FloatArray, lines: tuple[FloatArray, Fl
     x, y = lines
     for u, v, block in ((x, under_y, (False, True)), (under_x, y, (True, False)), (x, y, (False, False))):
         if len(u) > 1 and len(v) > 1:
-            yield Patch(u, v, straight, _filled(u, v), block)
+            yield Patch(u, v, straight, filled(u, v), block)
 
 
 def _reflected(patch: Patch, signs: tuple[int, int], origin: FloatArray) -> Patch:
@@ -360,6 +360,7 @@ def joined(
     order: int,
     joints: Sequence[float] = (),
     levels: Sequence[float] = (),
+    edges: FloatArray | None = None,
 ) -> PatchedMesh:
     """Extrude patches along z and join them into one mesh.
 
@@ -379,6 +380,8 @@ def joined(
         Heights where layers of the plate meet, lines along z among them, in the unit of `z`.
     levels : sequence of float, optional
         Heights above the plate where sections of the pillar meet, in the unit of `z`.
+    edges : ndarray, shape (2, 2), optional
+        Vectors along the sides of an oblique cell, in the unit of `z`; by default sides lie along x and y.
 
     Returns
     -------
@@ -413,7 +416,7 @@ def joined(
     spans = [mesh.spans for mesh in own if mesh.spans is not None]
     lengths = np.concatenate(spans) if all(patch.place is straight for patch in patches) else None
     mesh = Mesh(places[first], cells, "hex", order, regions, {}, lengths)
-    mesh = replace(mesh, faces=_outer(mesh))
+    mesh = replace(mesh, faces=_outer(mesh, edges))
     _check_joints(mesh, thickness)
     return PatchedMesh(mesh, grids, numbers)
 
@@ -487,7 +490,7 @@ def panel_mesh(panel: Panel, stack: Stack, pillar: Pillar | None, settings: HexS
         prism = _of_boxes(replace(panel, pillar=square_of(own)), stack, None, settings)
         frustum = leaning(prism.mesh, _foot_from_middle(panel), stack.thickness_m, own.height_m, own.form.taper)
         return replace(prism, mesh=frustum)
-    z, patches = _lines_along_z(stack, own, settings), _foot_patches(panel, own, settings)
+    z, patches = lines_along_z(stack, own, settings), _foot_patches(panel, own, settings)
     return joined(patches, z, stack.thickness_m, settings.order, stack.joints_m, own.levels_m[1:-1])
 
 
@@ -585,8 +588,23 @@ def _foot_patches(
     return patches
 
 
-def _lines_along_z(stack: Stack, pillar: Pillar, settings: HexSettings) -> FloatArray:
-    """Lines through the plate and along its pillar, and along its mirror image below."""
+def lines_along_z(stack: Stack, pillar: Pillar, settings: HexSettings) -> FloatArray:
+    """Lay lines through the plate and along its pillar, and along its mirror image below.
+
+    Parameters
+    ----------
+    stack : Stack
+        Layers of the plate.
+    pillar : Pillar
+        Pillar on it.
+    settings : HexSettings
+        Element sizes and grading.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Ascending heights in m.
+    """
     thickness_m = stack.thickness_m
     both, levels = pillar.faces == 2, [thickness_m + level for level in pillar.levels_m]
     z = grid_lines(breaks_through(stack, both, True), settings.through_grading(stack))
@@ -636,13 +654,13 @@ def _filling(
     """Patches between the right and upper part of a foot's rim and the block's edge, and the plate around the block."""
 
     def beyond(u: FloatArray, v: FloatArray) -> FloatArray:
-        return _between(right(v), np.column_stack([np.full_like(v, block[0]), block[1] * v]), u)
+        return between(right(v), np.column_stack([np.full_like(v, block[0]), block[1] * v]), u)
 
     def above(u: FloatArray, v: FloatArray) -> FloatArray:
-        return _between(upper(u), np.column_stack([block[0] * u, np.full_like(u, block[1])]), v)
+        return between(upper(u), np.column_stack([block[0] * u, np.full_like(u, block[1])]), v)
 
-    yield Patch(lines.fill, under, beyond, _filled(lines.fill, under))
-    yield Patch(under, lines.fill, above, _filled(under, lines.fill))
+    yield Patch(lines.fill, under, beyond, filled(lines.fill, under))
+    yield Patch(under, lines.fill, above, filled(under, lines.fill))
     yield from beside(block[0] * under, block[1] * under, lines.plate)
 
 
@@ -662,16 +680,17 @@ def _check_joints(mesh: Mesh, thickness: float) -> None:
         raise MeshError("elements about a foot do not meet node for node")
 
 
-def _outer(mesh: Mesh) -> dict[str, IntArray]:
-    """The facets in the planes that bound the mesh, by name."""
+def _outer(mesh: Mesh, edges: FloatArray | None) -> dict[str, IntArray]:
+    """The facets in the planes that bound the mesh, by name; x and y count along the edges of an oblique cell."""
     facets = _alone(mesh)  # the face that a pillar below hangs from has no name
-    low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
+    nodes = (
+        mesh.nodes if edges is None else np.column_stack([mesh.nodes[:, :2] @ np.linalg.inv(edges), mesh.nodes[:, 2]])
+    )
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
     low[2] = 0.0
     near = 1e-9 * (high - low)
     names = (("x-", 0, low), ("x+", 0, high), ("y-", 1, low), ("y+", 1, high), ("touch", 2, low), ("top", 2, high))
-    flat = {
-        name: (np.abs(mesh.nodes[:, axis] - end[axis]) <= near[axis])[facets].all(axis=1) for name, axis, end in names
-    }
+    flat = {name: (np.abs(nodes[:, axis] - end[axis]) <= near[axis])[facets].all(axis=1) for name, axis, end in names}
     return {name: facets[on] for name, on in flat.items()}
 
 
@@ -683,11 +702,39 @@ def _alone(mesh: Mesh) -> IntArray:
     return facets[np.sort(index[counts == 1])]
 
 
-def _filled(u: FloatArray, v: FloatArray, value: float = 0.0) -> FloatArray:
+def filled(u: FloatArray, v: FloatArray, value: float = 0.0) -> FloatArray:
+    """Give every element of a patch one value.
+
+    Parameters
+    ----------
+    u, v : ndarray, shape (nu + 1,) or (nv + 1,)
+        Lines of the patch.
+    value : float, optional
+        The value, dimensionless.
+
+    Returns
+    -------
+    ndarray, shape (nu, nv)
+        The value of each element.
+    """
     return np.full((len(u) - 1, len(v) - 1), value)
 
 
-def _between(start: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
+def between(start: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
+    """Interpolate between places.
+
+    Parameters
+    ----------
+    start, end : ndarray, shape (n, 2) or (2,)
+        Places in one unit.
+    share : ndarray, shape (n,)
+        0 at the start, 1 at the end.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Places in that unit.
+    """
     return np.asarray(start + share[:, None] * (end - start))
 
 
@@ -724,12 +771,27 @@ def _lines(half: float, rim: tuple[float, float], blocks: list[tuple[float, floa
     turns = max(grading.least, int(np.ceil(np.pi / 4.0 * half / grading.size_m)))  # around an eighth of a disc
     core = (1.0 - CORE) * half if rim[0] == rim[1] else half
     fill = max(edge - wide * half for block in blocks for edge, wide in zip(block, rim, strict=True))
-    inner, outer = _unit(core, (False, True), grading), _unit(fill, (True, False), grading)
+    inner, outer = unit_lines(core, (False, True), grading), unit_lines(fill, (True, False), grading)
     return PlanLines(np.linspace(0.0, 1.0, turns + 1), inner, outer)
 
 
-def _unit(length: float, ends: tuple[bool, bool], grading: Grading) -> FloatArray:
-    """Lines from 0 to 1 over a length, graded towards the ends that are singular."""
+def unit_lines(length: float, ends: tuple[bool, bool], grading: Grading) -> FloatArray:
+    """Lay lines from 0 to 1 over a length.
+
+    Parameters
+    ----------
+    length : float
+        The length, in the unit of the grading.
+    ends : tuple of bool
+        Whether either end is singular: lines are graded towards it.
+    grading : Grading
+        Element size and grading.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Ascending shares of the length.
+    """
     return grid_lines({0.0: ends[0], 1.0: ends[1]}, replace(grading, size_m=grading.size_m / length))
 
 

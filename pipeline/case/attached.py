@@ -35,7 +35,7 @@ def read_attached(tables: Any, design: Design, diagnostics: Diagnostics) -> tupl
     if not isinstance(tables, list) or not 0 < len(tables) <= MAX_SUPPORTS or not all(map(is_table, tables)):
         diagnostics.add("cell.attached", tables, f"must be one to {MAX_SUPPORTS} {ATTACHED_ALLOWED}")
         return ()
-    if design.stagger:
+    if design.stagger or design.oblique_m:
         diagnostics.missing("cell.attached", "needs a square or rectangular lattice")
     for number, content in enumerate(tables):
         key = f"cell.attached.{number}"

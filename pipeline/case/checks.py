@@ -7,7 +7,10 @@ from itertools import combinations, pairwise
 from math import hypot
 from typing import Any
 
-from geometry.lattice import SAME, SLOPE, labels_of, rows_along_x
+import numpy as np
+
+from geometry.elements import FloatArray
+from geometry.lattice import SAME, SLOPE, labels_of, rows_along_x, shortest_vectors
 from geometry.layout import PLAIN
 from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline.case import limits
@@ -77,7 +80,7 @@ def check_fillet(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]
 
 
 def _of_vectors(file: Tables) -> Iterator[Diagnostic]:
-    """Set pitches and shift of the rows along x of a lattice that its vectors give; report other lattices."""
+    """Set pitches and shift of the rows along x of a lattice that its vectors give, or the lengths of its shortest vectors."""
     vectors = [getattr(file.array, name) for name in VECTORS]
     given = [name for name, vector in zip(VECTORS, vectors, strict=True) if vector is not None]
     if {f"array.{name}" for name in VECTORS} & file.faulty:
@@ -90,16 +93,50 @@ def _of_vectors(file: Tables) -> Iterator[Diagnostic]:
         if value := getattr(file.array, name):
             yield f"array.{name}", value, "cannot be combined with a1_mm and a2_mm, which give the lattice: remove it"
             return
-    rows = rows_along_x(*vectors)
-    if rows is None:
-        (x1, y1), (x2, y2) = vectors
-        parallel = abs(x1 * y2 - x2 * y1) <= SAME * hypot(x1, y1) * hypot(x2, y2)
-        along = "must give rows along x that are in line or shifted by half a pitch: other lattices are not computed"
-        yield "array.a2_mm", vectors[1], f"parallel to a1_mm = {vectors[0]}: must not be" if parallel else along
+    (x1, y1), (x2, y2) = vectors
+    if abs(x1 * y2 - x2 * y1) <= SAME * hypot(x1, y1) * hypot(x2, y2):
+        yield "array.a2_mm", vectors[1], f"parallel to a1_mm = {vectors[0]}: must not be"
         return
-    pitch, distance, is_shifted = rows
-    file.set({"array.pitch_x_mm": pitch, "array.pitch_y_mm": distance, "array.stagger": is_shifted})
-    file.pitches_given = PITCHES[1:]
+    if rows := rows_along_x(*vectors):
+        pitch, distance, is_shifted = rows
+        file.set({"array.pitch_x_mm": pitch, "array.pitch_y_mm": distance, "array.stagger": is_shifted})
+        file.pitches_given = PITCHES[1:]
+        return
+    (x1, y1), (x2, y2) = shortest_vectors(*vectors)
+    file.set({"array.pitch_x_mm": hypot(x1, y1), "array.pitch_y_mm": hypot(x2, y2)})
+    file.pitches_given = VECTORS
+
+
+def oblique_mm(file: Tables) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Return the two shortest vectors, in mm, of a lattice given by vectors that has no rows as pitches give them."""
+    one, two = file.array.a1_mm, file.array.a2_mm
+    if not one or not two or {f"array.{name}" for name in VECTORS} & file.faulty or rows_along_x(one, two):
+        return None
+    return shortest_vectors(one, two)
+
+
+def _check_neighbours(file: Tables, form: PillarShape) -> Iterator[Diagnostic]:
+    """Check that no pillar of an oblique lattice touches a neighbour, by the normals of its outline's sides."""
+    vectors = oblique_mm(file)
+    if vectors is None:
+        return
+    (x1, y1), (x2, y2) = vectors
+    sections = [(form, MM * (file.pillar.fillet_mm or 0.0)), *((each.form, 0.0) for each in file.upper)]
+    for x, y in ((i * x1 + j * x2, i * y1 + j * y2) for i in (-1, 0, 1) for j in (0, 1) if j or i == 1):
+        room = min(_room(own.outline(grown) / MM, own.plan == "disc", (x, y)) for own, grown in sections)
+        if room < 1.0 + limits.MIN_GAP:
+            what = f"pillars {'overlap' if room <= 1.0 else 'almost touch'}"
+            yield "array.a2_mm", file.array.a2_mm, f"{what}: neighbours are {x:g} mm apart along x and {y:g} mm along y"
+            return
+
+
+def _room(outline: FloatArray, is_round: bool, step: tuple[float, float]) -> float:
+    """Distance of a centrally symmetric outline (n, 2) and its image a step away, over that at which they touch."""
+    if is_round:
+        return hypot(*step) / (2.0 * float(np.linalg.norm(outline, axis=1).max()))
+    sides = np.roll(outline, -1, axis=0) - outline
+    normals = np.column_stack([sides[:, 1], -sides[:, 0]])
+    return float((np.abs(normals @ step) / (2.0 * (outline @ normals.T).max(axis=0))).max())
 
 
 def normalise_pitch(file: Tables) -> Iterator[Diagnostic]:
@@ -143,7 +180,7 @@ def _lay_out(file: Tables, given: list[str]) -> Iterator[Diagnostic]:
 def _given_pitches(file: Tables) -> list[tuple[str, float]]:
     """Yield the keys that set a pitch, and their values, mm."""
     known = {**dict(file.array), "pitch_mm": file.array.pitch_x_mm}
-    return [(name, known[name]) for name in file.pitches_given or ()]
+    return [(name, known[name]) for name in file.pitches_given or () if name not in VECTORS]
 
 
 def check_pitch(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
@@ -151,6 +188,8 @@ def check_pitch(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
     footprint = footprint_mm(file, form)
     if footprint is None:
         return
+    if form is not None and file.pitches_given == VECTORS:
+        yield from _check_neighbours(file, form)
     widest = max(footprint, max(form.reach_m()) / MM) if form else footprint
     for name, pitch in _given_pitches(file):
         if pitch <= widest:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 ZONES, LARGER, SUPPORTS, GROUPS, DEFECTS = "[[zone]]", "[plate] length_mm", "[[support]]", "[materials]", "[[defect]]"
 OUTLINE = "[plate] file"
 CELL, ATTACHED = "[cell] file", "[[cell.attached]]"
+OBLIQUE = "array.a2_mm"  # of a lattice without rows as pitches give them
 STRESS = "solve.temperature_C"  # of a plate whose supports hold its expansion
 OF_A_PLATE = (ZONES, LARGER, OUTLINE, SUPPORTS, STRESS)  # of no consequence to a unit cell
 
@@ -68,6 +69,10 @@ FEATURES = {
     ATTACHED: Feature(
         lambda case: ATTACHED if case.design.attached else "",
         "{} cannot honour it: it is for the unit cell of bands and attenuation, or remove it",
+    ),
+    OBLIQUE: Feature(
+        lambda case: f"{OBLIQUE} of an oblique lattice" if case.design.oblique_m else "",
+        "{} needs rows along x that are in line or shifted by half a pitch (antinode bands takes any lattice)",
     ),
     DEFECTS: Feature(
         lambda case: DEFECTS if case.defects else "",

@@ -20,7 +20,7 @@ from geometry.materials import PIEZO_MATERIALS, Layer, Material, Stack
 from geometry.outline import Outline
 from geometry.pillar_shapes import PillarShape
 from pipeline.case.attached import read_attached
-from pipeline.case.checks import one_table, span_mm
+from pipeline.case.checks import oblique_mm, one_table, span_mm
 from pipeline.case.defects import Defect, read_defects
 from pipeline.case.features import refusals
 from pipeline.case.outlines import check_outline, faults_of_boxes
@@ -235,7 +235,16 @@ class Case:
         if self.measured:
             plain["measured"] = self.measured.to_dict()
         pillar, shape = self.design.pillar, plain["design"]
-        for key in ("graded", "graded_pitches_m", "stagger", "layers", "supports", "cell_file", "attached"):
+        for key in (
+            "graded",
+            "graded_pitches_m",
+            "stagger",
+            "layers",
+            "supports",
+            "cell_file",
+            "attached",
+            "oblique_m",
+        ):
             if not shape[key]:
                 del shape[key]
         del shape["outline"]
@@ -556,7 +565,17 @@ def _design(values: Values) -> Design:
         layers=layers if len(layers) > 1 else (),
         **_zones(values),
         **_around(file, values.outline),
+        oblique_m=_oblique_m(file),
     )
+
+
+def _oblique_m(file: Tables) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Return the shortest vectors of a lattice without rows as pitches give them, m."""
+    vectors = oblique_mm(file)
+    if vectors is None:
+        return None
+    (x1, y1), (x2, y2) = vectors
+    return (MM * x1, MM * y1), (MM * x2, MM * y2)
 
 
 def _around(file: Tables, outline: Outline | None) -> dict[str, Any]:
@@ -673,7 +692,10 @@ def _bands(table: BandsTable, design: Design) -> BandsTable:
     if isnan(design.pitch_x_m):
         own = "GXMG"
     else:
-        own = design.lattice.border(design.cell_mirrors if design.lattice.is_triangular else design.stack.mirrors)
+        known = design.body_mirrors if design.oblique_m else design.stack.mirrors
+        own = design.lattice.border(
+            design.cell_mirrors if design.lattice.is_triangular and not design.oblique_m else known
+        )
     return table.but(path=table.path or own or design.lattice.default_path)
 
 

@@ -525,7 +525,7 @@ class Array(TypedDict, total=False):
     """Rows of pillars on each side of the zone at pitch_mm (or pitch_x_mm, pitch_y_mm), and the margin extension_mm.
 
     surround: rows on all four sides of a zone within a larger plate.
-    a1_mm and a2_mm give the lattice by its vectors. Rows that differ are given by lists from the zone outwards: heights_mm,
+    a1_mm and a2_mm give any lattice by its vectors. Rows that differ are given by lists from the zone outwards: heights_mm,
     sides_mm, pitches_y_mm. stagger shifts every other row by half a pitch.
 
     >>> from antinode import Array

@@ -40,7 +40,8 @@ def band_yaml(document: dict[str, Any]) -> str:
     """Render the file from a document of bands; every segment has both its ends, like those of phonopy."""
     design, points = document["with_defaults"]["design"], document["points"]
     vectors = np.diag([0.0, 0.0, design["thickness_m"]])
-    vectors[:2, :2] = Lattice.of_rows(design["pitch_x_m"], design["pitch_y_m"], design.get("stagger", False)).vectors_m
+    rows = Lattice.of_rows(design["pitch_x_m"], design["pitch_y_m"], design.get("stagger", False))
+    vectors[:2, :2] = design.get("oblique_m") or rows.vectors_m
     wave = np.array([(point["kx_per_m"], point["ky_per_m"], 0.0) for point in points]) / (2.0 * np.pi)
     arc = np.cumsum([0.0, *np.linalg.norm(np.diff(wave, axis=0), axis=1) * ANGSTROM_M])
     own = [

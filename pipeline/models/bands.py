@@ -552,7 +552,8 @@ def _over_the_zone(
     case: Case, model: LatticeModel, solved: Solved, gaps: list[Gap], log: Log
 ) -> list[BrillouinZoneGap]:
     """Search the path's gaps over the whole irreducible Brillouin zone, from a grid and the extreme points of the path."""
-    names = {*case.design.cell_mirrors} & {*Mirrors(model.lattice.cell).names}
+    own = case.design
+    names = {*own.body_mirrors} if own.oblique_m else {*own.cell_mirrors} & {*Mirrors(model.lattice.cell).names}
     grid = case.design.lattice.grid(case.bands.grid, names)
     with log.step(f"grid of {len(grid)} wavevectors"):
         values = np.array([model.lattice.waves(k, solved.count).eigenvalue for k in grid])

@@ -281,7 +281,7 @@ class Pilot:
 def _coarse_pilot(design: Design, count: int) -> Pilot:
     """Coarse cell whose pillar is a box."""
     thick = design.thickness_m >= THICK * max(design.pitch_x_m, design.pitch_y_m)
-    box = square_of(design.pillar) if design.pillar else None
+    box = square_of(design.pillar) if design.pillar and not design.oblique_m else design.pillar
 
     def reduce(reduction: ReductionSettings) -> Cell:
         through = ceil(reduction.interface.through / ORDER)  # gives one node more through the plate than the degree

@@ -12,8 +12,10 @@ from math import ceil, inf, sqrt
 from typing import TYPE_CHECKING
 
 from geometry.hex.boxes import cell_boxes, hex_mesh
+from geometry.hex.oblique import fits
 from geometry.hex.panels import square_of
 from geometry.hex.scenes import HexSettings
+from geometry.lattice import shortest_vectors
 from geometry.layout import Design, region_materials
 from pipeline.case.limits import MIN_GAP
 from pipeline.case.model import Case
@@ -48,10 +50,12 @@ MEASURED = ("plate", "zone")  # parts with a touch face, which identifies the ta
 
 
 class CoarseCell:
-    """A coarse mesh of a design's unit cell, solved for its `count` lowest bands."""
+    """A coarse mesh of a design's unit cell, solved for its `count` lowest bands; an oblique one is a rectangle of its area."""
 
     def __init__(self, design: Design, count: int) -> None:
         box = square_of(design.pillar) if design.pillar else None
+        if design.oblique_m:
+            design = replace(design, pitch_y_m=design.lattice.area_m2 / design.pitch_x_m, oblique_m=None)
         self.design, self.count = replace(design, pillar=box), count
         self._ends_hz: dict[float, float] = {}
         self._fixed: dict[float, int] = {}
@@ -231,11 +235,37 @@ def check_model(case: Case, hexahedra: bool) -> None:
         raise InputError(f"{case.source or case.name}: {fault}" for fault in faults)
 
 
+def by_vectors(case: Case) -> Case:
+    """Return the case with an oblique cell in the place of panels half a pitch wide that cannot hold its pillar.
+
+    Parameters
+    ----------
+    case : Case
+        Any case.
+
+    Returns
+    -------
+    Case
+        The case itself unless its rows are shifted and its pillars too wide for such panels.
+    """
+    design, pillar = case.design, case.design.pillar
+    if not design.stagger or pillar is None or case.solve.model == SOLID or not _is_too_wide(design):
+        return case
+    vectors = shortest_vectors(*design.lattice.vectors_m.tolist())
+    return replace(case, design=replace(design, stagger=False, oblique_m=vectors)) if fits(vectors, pillar) else case
+
+
+def _is_too_wide(design: Design) -> bool:
+    """Whether pillars are too wide for panels half a pitch wide."""
+    reach = max((pillar.reach_m[0] for pillar in design.kinds), default=0.0)
+    return design.pitch_x_m / 2.0 < (1.0 + MIN_GAP) * reach
+
+
 def check_stagger(case: Case) -> None:
     """Raise InputError if staggered panels, half a pitch wide because both kinds of rows share lines, cannot hold a pillar."""
     design = case.design
-    reach = max((pillar.reach_m[0] for pillar in design.kinds), default=0.0)
-    if design.pitch_x_m / 2.0 < (1.0 + MIN_GAP) * reach:
+    if _is_too_wide(design):
+        reach = max(pillar.reach_m[0] for pillar in design.kinds)
         key = "array.pitch_mm" if design.lattice.is_triangular else "array.pitch_x_mm"
         need = f"{key} above {2e3 * reach:g}, twice the pillars' width, or solve.model = 'solid'"
         raise InputError(f"{case.source or case.name}: {_shifted(case)}: cells half a pitch wide need {need}")
@@ -260,6 +290,10 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
     if design.stagger and not no_cad:
         what = "needs pillars that hexahedra can follow, with room around their feet, and solve.mesh auto or hex"
         raise InputError(f"{case.source or case.name}: {_shifted(case)}: {what}")
+    if design.oblique_m and (not no_cad or case.solve.model == SOLID):
+        what = "a cell along the lattice's two shortest vectors needs a pillar that hexahedra can follow, within its sides,"
+        what += " solve.mesh auto or hex, and solve.model auto or superelement; --mesh-file takes any cell"
+        raise InputError(f"{case.source or case.name}: array.a2_mm: {what}")
     taken = (simplifications.no_pillars(design, "cell"), no_cad)
     if case.solve.model == SOLID and no_cad:
         level, settings = mesh_rules.cell_level(accuracy), mesh_rules.cell_settings(design, accuracy)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from geometry.hex.oblique import fits
 from geometry.hex.panels import has_room
 from geometry.lattice import labels_of
 from geometry.layout import SAME_M, Design, Patches, mirrored_axes
@@ -26,6 +27,7 @@ WHY_BOXES = {
     "cell": "the cell is made of boxes",
     "plate": "the scene is made of boxes",
 }
+WHY_CURVED = "hexahedra follow the pillars and the plate around their feet"
 
 
 @dataclass(frozen=True)
@@ -74,14 +76,15 @@ def hexahedra(case: Case, part: str) -> Simplification | None:
     from_file = {"plate": design.outline, "cell": design.cell_file}.get(part)
     if case.solve.mesh == "tet" or from_file:
         return None
+    if part == "cell" and design.oblique_m and design.pillar:
+        fit = case.solve.mesh != "tet" and fits(design.oblique_m, design.pillar)
+        return Simplification("oblique", "CAD and tetrahedra", WHY_CURVED) if fit else None
     shaped = {"zone": False, "pillar": True, "cell": True, "plate": bool(design.rows)}[part]
     if not shaped or all(pillar.is_made_of_boxes for pillar in design.kinds):
         return Simplification("boxes", "CAD and tetrahedra", WHY_BOXES[part])
     joined = part in ("cell", "plate") and case.solve.model != "solid"
     if joined and all(pillar.takes_hexahedra for pillar in design.kinds) and _has_room(design, part):
-        return Simplification(
-            "curved", "CAD and tetrahedra", "hexahedra follow the pillars and the plate around their feet"
-        )
+        return Simplification("curved", "CAD and tetrahedra", WHY_CURVED)
     return None
 
 
@@ -245,7 +248,7 @@ def off_path(design: Design, path: str, grid: int = 0) -> Simplification | None:
     With rare exceptions, band edges lie on this border. The rule does not apply to a cell without mirror planes, to an
     oblique path, to one that misses a side, or if a grid is requested.
     """
-    border = design.lattice.border(design.cell_mirrors)
+    border = design.lattice.border(design.body_mirrors if design.oblique_m else design.cell_mirrors)
     walked, sides = ({frozenset(pair) for pair in pairwise(labels_of(each))} for each in (path, border))
     if grid or not border or not sides <= walked:
         return None

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from pipeline import quantity
-from pipeline.case.features import ATTACHED, CELL, DEFECTS, GROUPS, OF_A_PLATE
+from pipeline.case.features import ATTACHED, CELL, DEFECTS, GROUPS, OBLIQUE, OF_A_PLATE
 from pipeline.errors import InputError
 from pipeline.quantity import KHZ, several
 from pipeline.questions.cell_meshes import OfCellMeshes
@@ -415,7 +415,7 @@ class Bands(
     needs=("plate", "array.pitch_mm"),
     pictures=("report.gallery.dispersion",),
     at_own_frequencies=True,
-    honours=(*OF_A_PLATE, CELL, ATTACHED),
+    honours=(*OF_A_PLATE, CELL, ATTACHED, OBLIQUE),
 ):
     """Compute Bloch bands and gaps of the unit cell along the case's path.
 
@@ -440,8 +440,9 @@ class Bands(
 
     def plan(self, case: Case) -> Plan:
         from pipeline.planning.mesh_rules import refinement_of
-        from pipeline.planning.model_choice import SOLID, cell_model_choice
+        from pipeline.planning.model_choice import SOLID, by_vectors, cell_model_choice
 
+        case = by_vectors(case)
         choice, query = cell_model_choice(case), case.bands
         wavevectors = query.segments * query.points + 1
         looks = f"{query.count} bands at {wavevectors} wavevectors of {query.path}"
@@ -459,10 +460,11 @@ class Bands(
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
         from pipeline.models.bands import solve_bands
+        from pipeline.planning.model_choice import by_vectors
 
         choice = plan.steps[0].choice
         assert choice
-        solved = solve_bands(case, choice, run, shapes=run.shapes, every_gap=run.detailed)
+        solved = solve_bands(by_vectors(case), choice, run, shapes=run.shapes, every_gap=run.detailed)
         run.meshes += solved.meshes
         run.arrays |= solved.shapes
         run.solved["lattice"] = solved.lattice
@@ -507,7 +509,9 @@ class SupercellBands(Bands, Question[BandsResult], instead_of="bands", by="super
         return BandsResult.of_solved(solve_supercell_bands(case, choice, self.size, run))
 
 
-class MeshBands(OfCellMeshes, Question[BandsResult], instead_of="bands", by="mesh_file", honours=(*OF_A_PLATE, GROUPS)):
+class MeshBands(
+    OfCellMeshes, Question[BandsResult], instead_of="bands", by="mesh_file", honours=(*OF_A_PLATE, GROUPS, OBLIQUE)
+):
     """Compute Bloch bands and gaps of your own mesh of a unit cell, whose sides are tied along the case's lattice vectors.
 
     The mesh is solved whole and unchanged; a second, finer or coarser, mesh of the cell gives error bars.

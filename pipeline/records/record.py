@@ -135,6 +135,7 @@ class DesignRecord(Part):
     centre_m: tuple[float, float] = (0.0, 0.0)
     surround: bool = False
     rims_m: list[tuple[float, float, float, float]] = []
+    oblique_m: tuple[tuple[float, float], tuple[float, float]] | None = None
 
     @property
     def ends_m(self) -> tuple[float, float, float, float]:
@@ -172,13 +173,16 @@ class DesignRecord(Part):
     def lattice(self) -> Lattice:
         """Lattice of the rows."""
         assert self.pitch_x_m and self.pitch_y_m
+        if self.oblique_m:
+            return Lattice(*self.oblique_m)
         return Lattice.of_rows(self.pitch_x_m, self.pitch_y_m, self.staggered)
 
     @property
     def cell(self) -> tuple[Any, ...]:
         """Key of the unit cells of the rows."""
         rows = tuple(self.graded_pillars), tuple(self.graded_widths_m)
-        return self.pitch_x_m, self.pitch_y_m, self.thickness_m, self.pillar, rows, self.staggered
+        own = self.pitch_x_m, self.pitch_y_m, self.thickness_m, self.pillar, rows, self.staggered
+        return own if self.oblique_m is None else (*own, self.oblique_m)
 
     @property
     def pillars(self) -> list[PillarRecord]:

@@ -13,6 +13,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.hex.oblique import oblique_mesh
 from geometry.hex.panels import PatchedMesh, panel_mesh, transfer
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar, region_materials
@@ -99,8 +100,9 @@ class Reductions:
         system = self.system(mesh, self.lossy, self.materials if self.parted else ())
         if panel.attached:
             system = with_attached(system, panel.attached, self.stack.thickness_m)
+        edges = None if panel.edges_m is None else np.array(panel.edges_m)
         return self._finished(
-            reduce_cell(system, reduction.ample, reduction.top_hz, panel.halved, panel.free, better), system
+            reduce_cell(system, reduction.ample, reduction.top_hz, panel.halved, panel.free, better, edges), system
         )
 
     def _finished(self, cell: Cell, system: System) -> Cell:
@@ -140,7 +142,8 @@ class Reductions:
         return panel.pillar or self.pillar
 
     def _mesh(self, panel: Panel, settings: HexSettings) -> PatchedMesh:
-        return panel_mesh(panel, self.stack, self.pillar, settings)
+        mesh = panel_mesh if panel.edges_m is None else oblique_mesh
+        return mesh(panel, self.stack, self.pillar, settings)
 
     def system(self, mesh: Mesh, lossy: bool = False, parted: Sequence[Material] = ()) -> System:
         """The assembled matrices of a mesh. MeshError for one that is not sound."""
@@ -166,7 +169,8 @@ class Reductions:
             if panel.attached:
                 system = with_attached(system, panel.attached, self.stack.thickness_m)
                 field = carried(field, panel.attached)
-            return Nested(CellBuilder(system, reduction.ample, panel.halved, panel.free), field)
+            edges = None if panel.edges_m is None else np.array(panel.edges_m)
+            return Nested(CellBuilder(system, reduction.ample, panel.halved, panel.free, edges), field)
 
         def extrapolate(cell: Cell, fine: CellBuilder, parts: list[SymmetryClass]) -> Cell:
             mesh = self._mesh(panel, settings)
@@ -209,9 +213,11 @@ class Reductions:
 
 def _side_nodes(mesh: Mesh, panel: Panel) -> int:
     """Nodes along the side that has fewest of them, those beyond a mirror included."""
-    counts = []
+    counts, sides = [], np.eye(3)
+    if panel.edges_m is not None:
+        sides[:2, :2] = panel.edges_m
     for axis, side in ((1, "x+"), (0, "y+")):
-        places = mesh.nodes[mesh.nodes_of(side), axis]
+        places = mesh.nodes[mesh.nodes_of(side)] @ sides[axis]
         along = len(np.unique(np.round(places / np.ptp(places), 9)))
         counts.append(2 * along - 1 if axis in panel.halved else along)
     return min(counts)

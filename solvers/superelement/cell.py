@@ -231,7 +231,8 @@ class Cell:
     bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None unless they form a tensor
     grid); pillar_mass: the share of M_r that moves in the pillar; loss: K_r with each material's part times its loss factor;
     by_material (materials, dof, dof): the part of each in K_r (both None unless asked for). grounded: whether springs hold it
-    to the ground, so that it does not move freely along z.
+    to the ground, so that it does not move freely along z. edges_m: vectors along the sides of an oblique cell, (2, 2), whose
+    lengths size_m has then; None for a rectangle.
 
     No fixed-interface mode below dropped_hz was left out. `dropped` (boundary, boundary) is the residual flexibility of those
     left out (`ResidualModes`): (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
@@ -256,6 +257,12 @@ class Cell:
     loss: FloatArray | None = None
     by_material: FloatArray | None = None
     grounded: bool = False
+    edges_m: FloatArray | None = None
+
+    @property
+    def vectors_m(self) -> FloatArray:
+        """Vectors along the sides, (2, 2), m: those by which the cell repeats."""
+        return np.diag(self.size_m[:2]) if self.edges_m is None else self.edges_m
 
     @property
     def dof(self) -> int:
@@ -433,11 +440,13 @@ def rigid_boundary(cell: Cell) -> FloatArray:
         Unit translations along x, y, z, then rotations about these axes; zero in the fixed-interface modes.
     """
     out = np.zeros((cell.dof, 6))
-    out[: cell.interface.count] = rigid_polynomials(cell.interface, cell.size_m)
+    out[: cell.interface.count] = rigid_polynomials(cell.interface, cell.size_m, cell.edges_m)
     return out
 
 
-def rigid_polynomials(face: Interface, size_m: tuple[float, float, float]) -> FloatArray:
+def rigid_polynomials(
+    face: Interface, size_m: tuple[float, float, float], edges_m: FloatArray | None = None
+) -> FloatArray:
     """Return the rigid-body modes of a cell among its boundary functions.
 
     Parameters
@@ -446,6 +455,8 @@ def rigid_polynomials(face: Interface, size_m: tuple[float, float, float]) -> Fl
         Degrees of the boundary functions.
     size_m : tuple of float
         Edges along x and y and the thickness; their ratios alone matter.
+    edges_m : ndarray, shape (2, 2), optional
+        Vectors along the sides of an oblique cell.
 
     Returns
     -------
@@ -453,7 +464,9 @@ def rigid_polynomials(face: Interface, size_m: tuple[float, float, float]) -> Fl
         Unit translations along x, y, z, then rotations about the middle that move the longest edge's ends by 1.
     """
     corners = np.array([[*corner, z] for corner in VERTICES for z in (-1, 1)], dtype=float)
-    motions = rigid_body_modes(corners * np.array(size_m) / 2.0).reshape(4, 2, 3, 6)
+    plan = corners[:, :2] * np.array(size_m[:2]) if edges_m is None else corners[:, :2] @ edges_m
+    points = np.column_stack([plan, corners[:, 2] * size_m[2]]) / 2.0
+    motions = rigid_body_modes(points, np.zeros(3), max(size_m) / 2.0).reshape(4, 2, 3, 6)
     out = np.zeros((face.count, 6))
     for vertex in range(4):
         block = np.zeros((face.layers, 3, 6))

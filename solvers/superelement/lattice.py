@@ -98,7 +98,7 @@ class ReducedLattice:
     def _phased(self, wavevector: FloatArray, size: int) -> list[ComplexArray]:
         """K(k) and M(k) of the first `size` degrees of freedom."""
         steps, *matrices = self._steps
-        angle = steps @ (np.asarray(wavevector, dtype=float) * np.array(self.cell.size_m[:2]))
+        angle = steps @ (self.cell.vectors_m @ np.asarray(wavevector, dtype=float))
         turn = np.vstack([np.cos(angle), np.sin(angle)])
         own = (matrix.reshape(9, self.dof, self.dof)[:, :size, :size].reshape(9, -1) for matrix in matrices)
         parts = (turn @ each for each in own)
@@ -108,7 +108,7 @@ class ReducedLattice:
     def c2_symmetry(self) -> C2Symmetry | None:
         """Half turn that makes the pencil real, found at a wavevector without symmetries; None if the cell has none."""
         turn = c2_symmetry(self.cell, self.column, self.offset)
-        wavevector = np.array([1.0, np.sqrt(2.0)]) / np.array(self.cell.size_m[:2])
+        wavevector = np.linalg.solve(self.cell.vectors_m, [1.0, np.sqrt(2.0)])
         if turn is None or not all(turn.is_real(matrix, wavevector) for matrix in self.pencil(wavevector)):
             return None
         return turn
@@ -154,7 +154,7 @@ class ReducedLattice:
         (2, n, n), scaled over rad/m.
 
         Its diagonal is Hellmann-Feynman's derivative; in a degenerate group the eigenvalues of the group's block along a
-        direction are. dT/dk_x = i a o_x T with o_x the offsets of the cell's degrees of freedom.
+        direction are. dT/dk_x = i r_x T with r the places of the cell's degrees of freedom from their free ones.
         """
         u, cell = waves.dofs, self.cell
         count = cell.interface.count
@@ -163,9 +163,9 @@ class ReducedLattice:
         own = np.einsum("in,in->n", u[:count].conj(), lost).real
         # K - m M - h(m) D depends on m through h, too: its derivative by m along u is -(1 + h'(m) u^H D u) instead of -1
         weight = 1.0 / np.sqrt(1.0 + cell.residual.slope(waves.eigenvalue) * own)
-        out = []
+        out, places = [], self.offset @ cell.vectors_m
         for axis in (0, 1):
-            turned = -1j * cell.size_m[axis] * (self.offset[:, axis, None] * u).conj().T
+            turned = -1j * (places[:, axis, None] * u).conj().T
             part = (
                 turned @ stiff
                 - (turned @ heavy) * middle
@@ -208,7 +208,7 @@ class ReducedLattice:
         return np.where(still, 0.0, values), free
 
     def _phases(self, wavevector: FloatArray) -> ComplexArray:
-        return np.asarray(np.exp(1j * self.offset @ (wavevector * np.array(self.cell.size_m[:2]))))
+        return np.asarray(np.exp(1j * self.offset @ (self.cell.vectors_m @ wavevector)))
 
     def up_to(self, face: Interface, top_hz: float) -> ReducedLattice:
         """The lattice of the same mesh reduced to boundary functions of lower degrees and modes up to top_hz."""
@@ -222,8 +222,9 @@ class Periodic:
         self.cells, self.shift, self.rows, first = tuple(cells), shift, rows, cells[0]
         self.ties = Ties(first.interface, [len(cell.fixed_hz) for cell in cells], shift, rows)
         self.dof, self.scale = self.ties.dof, first.scale
-        width, height = first.size_m[:2]
-        self.lattice = Lattice((len(cells) // rows * width, 0.0), (rows * shift * width, rows * height))
+        (ax, ay), (bx, by) = first.vectors_m.tolist()
+        count = len(cells) // rows
+        self.lattice = Lattice((count * ax, count * ay), (rows * (bx + shift * ax), rows * (by + shift * ay)))
 
     @property
     def middles_m(self) -> FloatArray:

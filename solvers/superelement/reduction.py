@@ -42,6 +42,7 @@ def reduce_cell(
     halved: tuple[int, ...] = (),
     free: tuple[str, ...] = (),
     coarser: Coarser | None = None,
+    edges_m: FloatArray | None = None,
 ) -> Cell:
     """Reduce a panel to boundary functions and fixed-interface modes.
 
@@ -59,6 +60,8 @@ def reduce_cell(
         Sides that join nothing: they move as the mesh lets them, and their bubbles carry nothing.
     coarser : callable, optional
         Corrects the discretisation error.
+    edges_m : ndarray, shape (2, 2), optional
+        Vectors along the sides of an oblique cell, which is not halved; by default its sides lie along x and y.
 
     Returns
     -------
@@ -72,7 +75,7 @@ def reduce_cell(
     """
     _enough_nodes(system, interface)
     with one_thread():  # blocks of eight columns: a second thread mostly waits, and another case can use its core
-        build = CellBuilder(system, interface, halved, free)
+        build = CellBuilder(system, interface, halved, free, edges_m)
         parts = build.classes(top_hz)
         cell = build.join(parts)
     build.check(cell)
@@ -141,11 +144,21 @@ class ClampedBoundaryClass:
 class CellBuilder:
     """Reduces the symmetry classes of one piece and joins them."""
 
-    def __init__(self, system: System, interface: Interface, halved: tuple[int, ...], free: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        system: System,
+        interface: Interface,
+        halved: tuple[int, ...],
+        free: tuple[str, ...],
+        edges_m: FloatArray | None = None,
+    ) -> None:
         mesh = system.mesh
-        self.system, self.interface, self.halved = system, interface, halved
+        self.system, self.interface, self.halved, self.edges_m = system, interface, halved, edges_m
         self.copies = 2 ** len(halved)
-        self.half = np.abs(mesh.nodes[mesh.nodes_of("touch"), :2]).max(axis=0)  # a pillar's tip may overhang the plate
+        if edges_m is None:  # a pillar's tip may overhang the plate
+            self.half = np.abs(mesh.nodes[mesh.nodes_of("touch"), :2]).max(axis=0)
+        else:
+            self.half = np.linalg.norm(edges_m, axis=1) / 2.0
         self.planes = {axis: ("x-", "y-")[axis] for axis in halved}
         self.outer = [face for face in SIDES if face not in self.planes.values() and face not in free]
         self.boundary = np.unique(np.concatenate([mesh.nodes_of(face) for face in self.outer]))
@@ -164,9 +177,8 @@ class CellBuilder:
     def _boundary_field(self, mesh: AnyMesh) -> FloatArray:
         """Scalar boundary functions at the boundary nodes, shape (b, count / 3)."""
         nodes = mesh.nodes[self.boundary]
-        return self.interface.evaluate(
-            np.column_stack([nodes[:, :2] / self.half, 2.0 * nodes[:, 2] / self.thickness - 1.0])
-        )
+        plan = nodes[:, :2] / self.half if self.edges_m is None else 2.0 * nodes[:, :2] @ np.linalg.inv(self.edges_m)
+        return self.interface.evaluate(np.column_stack([plan, 2.0 * nodes[:, 2] / self.thickness - 1.0]))
 
     @cached_property
     def diagonal(self) -> IntArray | None:
@@ -242,7 +254,7 @@ class CellBuilder:
         A solve leaves an error of the stiffest entry over the softest connection: 3e-6 of the motion of a lead tip on rubber.
         """
         size_m = (2.0 * float(self.half[0]), 2.0 * float(self.half[1]), self.thickness)
-        rigid = rigid_polynomials(self.interface, size_m)
+        rigid = rigid_polynomials(self.interface, size_m, self.edges_m)
         own = basis.T @ rigid
         own[np.abs(own) < SAME * np.abs(rigid).max()] = 0.0  # motions of other classes
         middle = np.array([0.0, 0.0, self.thickness / 2.0])
@@ -304,6 +316,7 @@ class CellBuilder:
             bare=self._bare(parts, places),
             loss=None if loss is None else (loss + loss.T) / 2.0,
             grounded=system.grounded,
+            edges_m=self.edges_m,
             by_material=(by_material + by_material.swapaxes(1, 2)) / 2.0 if len(by_material) else None,
         )
 

@@ -218,5 +218,5 @@ def c2_symmetry(cell: Cell, column: IntArray, offset: FloatArray) -> C2Symmetry 
     own, middle = np.empty(column.max() + 1), np.zeros((column.max() + 1, 2))
     first = offset.sum(axis=1) == 0.0
     own[column[first]] = sign[first]
-    np.maximum.at(middle, column, offset * np.array(cell.size_m[:2]) / 2.0)
-    return C2Symmetry(middle, np.where(own > 0.0, 1.0 + 0.0j, 1.0j))
+    np.maximum.at(middle, column, offset)
+    return C2Symmetry(middle @ cell.vectors_m / 2.0, np.where(own > 0.0, 1.0 + 0.0j, 1.0j))

@@ -354,6 +354,8 @@ def _line_motion(cells: Periodic, dofs: ComplexArray) -> tuple[FloatArray, Float
     for (cell, own), middle_m in zip(cells.parts(dofs), cells.middles_m, strict=True):
         face = cell.interface
         place, weight, values = _lines(face, cell.size_m[:2])
+        if cell.edges_m is not None:
+            place = place / np.array(cell.size_m[:2]) @ cell.edges_m
         layer = own[: face.count].reshape(-1, 3, own.shape[1])[:: face.layers]
         points.append(place + np.array([middle_m, 0.0]))
         weights.append(weight / len(cells.cells))
@@ -445,6 +447,8 @@ class Mirrors:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Mirrors that the cell has. x and y are those it was reduced with; the diagonal one is looked for."""
+        if self.cell.edges_m is not None:  # none is known of an oblique cell
+            return ()
         flat = [name for name, axis in AXES.items() if self._is_kept(axis)]
         return (*flat, "d") if self._diagonal is not None else tuple(flat)
 

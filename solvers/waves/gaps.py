@@ -11,7 +11,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.lattice import Path
 from solvers.analytic.beams import root_between
-from solvers.superelement.lattice import ReducedLattice, Waves
+from solvers.superelement.lattice import Periodic, ReducedLattice, Waves
 from solvers.waves.branches import Branches, Label, Solved, label_of, modal_overlap, one_sided
 
 # -- extremes ----------------------------------------------------------------------------------------------------------
@@ -173,6 +173,8 @@ def zone_extreme(solved: Solved, grid: FloatArray, eigenvalue: FloatArray, band:
     """
     lattice, value = solved.lattice, eigenvalue[:, band]
     edge = np.pi / np.array(lattice.cell.size_m[:2])
+    if lattice.cell.edges_m is not None:
+        edge = np.abs(Periodic([lattice.cell]).lattice.zone).max(axis=0)
     scale = float(np.abs(value).max()) or 1.0
     order = np.argsort(-sign * value, kind="stable")
     best, where = sign * float(value[order[0]]), grid[order[0]]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
-from geometry.lattice import MIRRORS, Lattice, labels_of
+from geometry.lattice import MIRRORS, Lattice, labels_of, shortest_vectors
 
 SQUARE, OBLONG = Lattice.of_rows(4e-3, 4e-3), Lattice.of_rows(3e-3, 4e-3)
 STAGGERED = [Lattice.of_rows(5e-3, pitch, staggered=True) for pitch in (4e-3, 2.5e-3, 2e-3)]
@@ -104,3 +104,36 @@ def test_labels_and_translations() -> None:
         STAGGERED[0].path("GXM", 2)
     moved = STAGGERED[0].translations(2) / 1e-3
     assert moved == pytest.approx(np.array([[-3.75, -2.0], [-1.25, 2.0], [1.25, -2.0], [3.75, 2.0]]))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 2.0])
+@pytest.mark.parametrize(("one", "two"), [((5.0, 0.0), (1.2, 4.5)), ((5.0, 0.0), (2.3, 3.0)), ((7.0, 1.0), (2.0, 3.0))])
+def test_the_labelled_points_of_an_oblique_zone_lie_on_its_border(
+    one: tuple[float, float], two: tuple[float, float], turn: float
+) -> None:
+    """X, C and Y are the middles of three sides, H1 and H the corners between them: w(H) = w(H1)."""
+    own = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    lattice = Lattice(*shortest_vectors((np.array(one) @ own).tolist(), (np.array(two) @ own).tolist()))
+    points, corners = lattice.high_symmetry, lattice.zone
+    assert lattice.name == "oblique" and lattice.default_path == "GXH1CHYG" and len(corners) == 6
+    for label in ("X", "C", "Y"):
+        assert lattice.is_same(points[label], -points[label])
+        middles = (corners + np.roll(corners, 1, axis=0)) / 2.0
+        assert np.linalg.norm(middles - points[label], axis=1).min() < 1e-9 * np.abs(corners).max()
+    for label in ("H", "H1"):
+        assert np.linalg.norm(corners - points[label], axis=1).min() < 1e-9 * np.abs(corners).max()
+    assert lattice.is_same(points["H"], -points["H1"])
+
+
+def test_a_turned_lattice_has_turned_points_and_an_equally_large_part_of_its_zone() -> None:
+    turn = np.array([[0.8, 0.6], [-0.6, 0.8]])
+    for plain in (Lattice.of_rows(5.0, 5.0), Lattice.of_rows(5.0, 4.0), Lattice.of_rows(5.0, 2.5 * np.sqrt(3.0), True)):
+        turned = Lattice(*shortest_vectors(*(plain.vectors_m @ turn).tolist()))
+        assert turned.name == plain.name and turned.default_path == plain.default_path
+        round_one = ("x", "y", "d", "h")
+        own = {4: ("x", "y", "d"), 6: ("x", "y", "h")}.get(len(plain.zone), ())
+        own = ("x", "y") if plain == Lattice.of_rows(5.0, 4.0) else own
+        assert len(turned.point_group(round_one)) == len(plain.point_group(own))
+        assert area(turned.irreducible(round_one)) == pytest.approx(area(plain.irreducible(own)))
+        for label, place in plain.high_symmetry.items():  # as far from the middle, though along another of alike axes
+            assert np.linalg.norm(turned.high_symmetry[label]) == pytest.approx(np.linalg.norm(place))

@@ -15,6 +15,7 @@ from pipeline.case.features import (
     FEATURES,
     GROUPS,
     LARGER,
+    OBLIQUE,
     OF_A_PLATE,
     OUTLINE,
     STRESS,
@@ -51,6 +52,7 @@ TABLES: dict[str, dict[str, Any]] = {
         "pillar": None,
         "array": {"pitch_mm": 6.0},
     },
+    OBLIQUE: {"array": {"a1_mm": [4.0, 0.0], "a2_mm": [1.0, 4.0], "rows": 1, "extension_mm": 5.0}},
 }
 ALLOY = {"density_kg_m3": 2700.0, "young_GPa": 70.0, "poisson": 0.33}
 WORDS = {
@@ -59,6 +61,7 @@ WORDS = {
     LARGER: "plate.length_mm = 80: ",
     SUPPORTS: "[[support]]: ",
     STRESS: "solve.temperature_C = 60: ",
+    OBLIQUE: "array.a2_mm of an oblique lattice: ",
 }
 ABOUT_CASES = {name: kind for name, kind in known().items() if kind.without_case is None}
 

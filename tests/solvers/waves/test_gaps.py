@@ -50,7 +50,7 @@ class MadeUp:
 
     @property
     def cell(self) -> Any:
-        return type("C", (), {"size_m": (1.0, 1.0, 0.1), "scale": ONE})
+        return type("C", (), {"size_m": (1.0, 1.0, 0.1), "edges_m": None, "scale": ONE})
 
     @property
     def dof(self) -> int:
