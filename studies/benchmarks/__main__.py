@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-NAMES = ("cold_start", "linear_algebra", "bands")
+NAMES = ("cold_start", "linear_algebra", "bands", "own_cell")
 
 if __name__ == "__main__":
     for name in NAMES:
