@@ -72,6 +72,27 @@ class Path:
         return Path(np.concatenate(vectors), tuple(labels))
 
 
+def pitch_along_x(a1: Sequence[float], a2: Sequence[float]) -> float | None:
+    """Find the distance of neighbouring points of a lattice along x.
+
+    Parameters
+    ----------
+    a1, a2 : sequence of float
+        Vectors (x, y) in any unit, not parallel.
+
+    Returns
+    -------
+    float or None
+        In that unit; None without a lattice vector along x among multiples of the vectors up to FURTHEST.
+    """
+    vectors = np.array([a1, a2], dtype=float)
+    steps = range(-FURTHEST, FURTHEST + 1)
+    points = np.array([(i, j) for i in steps for j in steps]) @ vectors
+    near = SAME * float(np.linalg.norm(vectors, axis=1).max())
+    ahead = points[(np.abs(points[:, 1]) <= near) & (points[:, 0] > near), 0]
+    return float(ahead.min()) if len(ahead) else None
+
+
 def rows_along_x(a1: Sequence[float], a2: Sequence[float]) -> tuple[float, float, bool] | None:
     """Find the rows along x of the lattice of two vectors.
 
@@ -91,13 +112,11 @@ def rows_along_x(a1: Sequence[float], a2: Sequence[float]) -> tuple[float, float
     size, area = float(np.linalg.norm(vectors, axis=1).max()), abs(ax * by - bx * ay)
     if area <= SAME * size**2:
         return None
+    pitch = pitch_along_x(a1, a2)
+    if pitch is None:
+        return None
     steps = range(-FURTHEST, FURTHEST + 1)
     points = np.array([(i, j) for i in steps for j in steps]) @ vectors
-    level = np.abs(points[:, 1]) <= SAME * size
-    ahead = points[level & (points[:, 0] > SAME * size), 0]
-    if not len(ahead):
-        return None
-    pitch = float(ahead.min())
     distance = area / pitch
     next_row = points[np.abs(points[:, 1] - distance) <= SAME * size * FURTHEST, 0]
     shift = float(next_row[0] / pitch % 1.0) if len(next_row) else 0.25

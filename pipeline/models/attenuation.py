@@ -116,7 +116,7 @@ def _answered(
     return {
         "model": scene.pieces[0].name,
         "kx_per_m": kx,
-        "pitch_y_m": case.design.pitch_y_m,
+        "pitch_y_m": case.design.lattice.a2_m[1],
         "rows": rows,
         "expected_error": expected,
         "reduction_error": scene.reduction_error,

@@ -88,6 +88,28 @@ class OwnRows:
         )
 
 
+def in_own_vectors(case: Case, body: Body) -> Case:
+    """Return the case with the vectors along the sides of an oblique cell as those of its lattice.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    body : Body
+        The cell.
+
+    Returns
+    -------
+    Case
+        The case itself for a rectangular cell.
+    """
+    if body.edges_m is None:
+        return case
+    (x1, y1), (x2, y2) = body.edges_m.tolist()
+    design = replace(case.design, pitch_x_m=float(np.hypot(x1, y1)), pitch_y_m=float(np.hypot(x2, y2)), stagger=False)
+    return replace(case, design=replace(design, oblique_m=((x1, y1), (x2, y2))))
+
+
 def plate_cell(case: Case, bodies: Sequence[Body], ratio: float, log: Log, high_hz: float) -> LatticeModel:
     """Reduce an own cell so that its bands, and its waves up to a frequency, meet the accuracy.
 
@@ -170,6 +192,9 @@ def step_rows(case: Case, edge_m: float, log: Log) -> OwnRows:
 
 
 def _laid_out(case: Case, body: Body, known: float | None) -> OwnRows:
+    if body.edges_m is not None:
+        what = "broadband needs a square or rectangular lattice: give its rectangular supercell"
+        raise InputError(f"{case.source or case.name}: array: {what}")
     place = Pillar(
         "square", case.design.pitch_y_m, case.design.pitch_y_m, case.design.thickness_m, case.design.material
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import isfinite, nan, pi
 from typing import Any
 
-from pipeline.case.features import ATTACHED, CELL, GROUPS, OF_A_PLATE
+from pipeline.case.features import ATTACHED, CELL, GROUPS, OBLIQUE, OF_A_PLATE
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_WAVENUMBER
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import AttenuationPoint
@@ -273,9 +273,21 @@ class Attenuation(
         if case.solve.model == SOLID:
             raise InputError(f"{case.name}: solve.model = 'solid': must be auto or superelement for attenuation")
         case.path(1)
-        edge, kx = pi / case.design.pitch_x_m, self._kx(case)
+        edge, kx = pi / self._pitch_m(case), self._kx(case)
         if not abs(kx) <= edge * (1.0 + 1e-12):
             raise InputError(f"--kx = {kx:g}: must lie between -pi/p and pi/p, {-edge:g} and {edge:g} rad/m here")
+
+    @staticmethod
+    def _pitch_m(case: Case) -> float:
+        """Distance of pillars along a row. Raises InputError for a lattice without rows along x."""
+        from geometry.lattice import pitch_along_x
+
+        if not case.design.oblique_m:
+            return case.design.pitch_x_m
+        pitch_m = pitch_along_x(*case.design.oblique_m)
+        if pitch_m is None:
+            raise InputError(f"{case.source or case.name}: array.a2_mm: attenuation needs a lattice with rows along x")
+        return pitch_m
 
     def _kx(self, case: Case) -> float:
         return case.target_kx_per_m if self.kx_per_m is None else self.kx_per_m
@@ -318,8 +330,8 @@ class Attenuation(
 
 class MeshAttenuation(
     OfCellMeshes, Attenuation, Question[AttenuationResult],
-    instead_of="attenuation", by="mesh_file", needs=("plate", "array.pitch_mm"), honours=(*OF_A_PLATE, GROUPS),
-    at_own_frequencies=False,
+    instead_of="attenuation", by="mesh_file", needs=("plate", "array.pitch_mm"),
+    honours=(*OF_A_PLATE, GROUPS, OBLIQUE), at_own_frequencies=False,
 ):  # fmt: skip
     """Compute the attenuation per row in dB of rows of your own mesh of a unit cell, whose sides are faces of bare plate.
 
@@ -353,12 +365,13 @@ class MeshAttenuation(
     def compute(self, case: Case, plan: Plan, run: Run) -> AttenuationResult:
         from pipeline.models.attenuation import solve_own
         from pipeline.models.parts import mesh_record
-        from pipeline.models.plate_cell import plate_cell, read_cells
+        from pipeline.models.plate_cell import in_own_vectors, plate_cell, read_cells
         from pipeline.planning.model_choice import driven_band_hz
 
         band = driven_band_hz(case, hz(self.band_kHz))
         bodies, ratio = read_cells(case, self.files, run)
         run.meshes += [mesh_record("cell", body.mesh) for body in bodies[:1]]
+        case = in_own_vectors(case, bodies[0])
         model = plate_cell(case, bodies, ratio, run, band[1])
         return AttenuationResult(**solve_own(case, model, run, band, self._kx(case), self.points))
 

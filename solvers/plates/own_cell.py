@@ -8,6 +8,7 @@ import numpy as np
 
 from geometry import errors
 from geometry.elements import FloatArray, IntArray
+from geometry.lattice import FURTHEST, pitch_along_x
 from geometry.layout import Design
 from geometry.materials import Material
 from geometry.mesh import AnyMesh, Mesh
@@ -29,12 +30,14 @@ STANDING = "section "  # regions of elements on the plate
 class Body:
     """A meshed cell with its middle at the origin and its sides named, and the materials of its regions.
 
-    estimated: whether stress recovery corrects its discretisation error and gives its bar.
+    estimated: whether stress recovery corrects its discretisation error and gives its bar. edges_m: vectors (2, 2) along the
+    sides of an oblique cell, the first one along x; None for a rectangle.
     """
 
     mesh: Mesh
     materials: dict[str, Material]
     estimated: bool = False
+    edges_m: FloatArray | None = None
 
     @property
     def held(self) -> tuple[int, int]:
@@ -80,13 +83,17 @@ def body_of(mesh: AnyMesh, materials: dict[str, Material], design: Design, estim
     Raises
     ------
     MeshError
-        For a lattice or sides that are not rectangles, or not those of bare plate.
+        For a lattice without rows along x, and sides that are not those of bare plate.
     """
     size = np.array([design.pitch_x_m, design.pitch_y_m])
     if not isinstance(mesh, Mesh) or mesh.kind not in ("tet", "hex"):
         raise errors.MeshError(f"elements are {mesh.kind}: must be tetrahedra alone or hexahedra alone")
-    if design.is_staggered or design.lattice.a1_m[1] or design.lattice.a2_m[0]:
-        raise errors.MeshError("the lattice must be square or rectangular: give its rectangular supercell")
+    edges = _oblique_edges(design, mesh)
+    if edges is not None:
+        size = np.linalg.norm(edges, axis=1)
+        mesh = _in_plan(
+            mesh, np.asarray(np.linalg.solve(edges, np.diag(size)))
+        )  # checked as the rectangle with these sides
     found = {side.name: side for side in sides(mesh, float(size.min()))}
     for name in SIDES:
         if fault := _fault(mesh, found.get(name), size, design.thickness_m):
@@ -98,7 +105,44 @@ def body_of(mesh: AnyMesh, materials: dict[str, Material], design: Design, estim
     for axis, half in enumerate(size / 2.0):  # sides are exact: boundary functions are evaluated on them
         for sign, name in zip((-1.0, 1.0), SIDES[2 * axis : 2 * axis + 2], strict=True):
             nodes[np.unique(faces[name]), axis] = sign * half
-    return Body(replace(mesh, nodes=nodes, faces=faces, regions=regions, spans=None), own, estimated)
+    placed = replace(mesh, nodes=nodes, faces=faces, regions=regions, spans=None)
+    if edges is not None:
+        placed = _in_plan(placed, edges / size[:, None])
+    return Body(placed, own, estimated, edges)
+
+
+def _in_plan(mesh: Mesh, map_: FloatArray) -> Mesh:
+    """The mesh with its places in plan multiplied by a matrix (2, 2)."""
+    return replace(mesh, nodes=np.column_stack([mesh.nodes[:, :2] @ map_, mesh.nodes[:, 2]]), spans=None)
+
+
+def _oblique_edges(design: Design, mesh: Mesh) -> FloatArray | None:
+    """Vectors along the sides of a cell whose rows lie along x: that from row to row leans as the mesh does; None for a
+    rectangle.
+
+    Raises MeshError for a lattice without rows along x, and for a mesh that leans otherwise.
+    """
+    (x1, y1), (x2, y2) = design.lattice.a1_m, design.lattice.a2_m
+    if y1 == 0.0 and x2 == 0.0:
+        return None
+    steps = range(-FURTHEST, FURTHEST + 1)
+    points = np.array([(i * x1 + j * x2, i * y1 + j * y2) for i in steps for j in steps])
+    pitch = pitch_along_x((x1, y1), (x2, y2))
+    if pitch is None:
+        raise errors.MeshError("the lattice must have rows along x: turn the cell and its vectors")
+    height, low = design.lattice.area_m2 / pitch, mesh.nodes[:, 1].min()
+    ends = [mesh.nodes[np.abs(mesh.nodes[:, 1] - low - up) < FLUSH * height, 0] for up in (0.0, height)]
+    if not all(map(len, ends)):
+        raise errors.MeshError(
+            f"the cell must have two sides along x, {1e3 * height:g} mm apart, as rows of the lattice are"
+        )
+    lean = float(ends[1].min() - ends[0].min())
+    shifts = points[np.abs(points[:, 1] - height) < FLUSH * height, 0]
+    if np.abs(shifts - lean).min() > FLUSH * pitch:
+        allowed = ", ".join(f"{1e3 * shift:g}" for shift in sorted(shifts, key=abs)[:3])
+        what = f"its upper side lies {1e3 * lean:g} mm further along x than the lower one"
+        raise errors.MeshError(f"{what}, but rows of the lattice are shifted by {allowed} mm")
+    return np.array([[pitch, 0.0], [lean, height]])
 
 
 def _levels(places: FloatArray) -> int:
@@ -186,7 +230,9 @@ class OwnReductions(Reductions):
         assert self.body
         body, reduction = self.body, self.reduction
         system = self._assembled(body.mesh, body.materials, self.lossy, self.materials if self.parted else ())
-        cell = reduce_cell(system, reduction.ample, reduction.top_hz, coarser=self._recovering(body))
+        cell = reduce_cell(
+            system, reduction.ample, reduction.top_hz, coarser=self._recovering(body), edges_m=body.edges_m
+        )
         if self.is_known and not body.estimated:
             none = np.zeros_like(cell.mass)
             cell = replace(cell, mesh_error=MeshError(none, none, none, none, 0.0, 0.0, 0.0))
