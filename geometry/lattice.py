@@ -149,7 +149,7 @@ def shortest_vectors(a1: Sequence[float], a2: Sequence[float]) -> tuple[tuple[fl
         two = -two
     if one[0] * two[1] < one[1] * two[0]:
         one, two = two, one
-    if one[0] < 0.0:
+    if one[0] < -SAME * float(np.abs(one).max()) or (one[0] <= SAME * float(np.abs(one).max()) and one[1] < 0.0):
         one, two = -one, -two
     (x1, y1), (x2, y2) = one.tolist(), two.tolist()
     return (x1, y1), (x2, y2)
@@ -380,7 +380,8 @@ class Lattice:
             np.linalg.solve(2.0 * np.array(pair), [each @ each for each in pair]) for pair in ((x, middle), (middle, y))
         )
         after, before = corners
-        return {"G": np.zeros(2), "X": x / 2.0, "H1": after, "C": middle / 2.0, "H": before, "Y": y / 2.0}
+        places = {"X": x / 2.0, "H1": after, "C": middle / 2.0, "H": before, "Y": y / 2.0}
+        return {"G": np.zeros(2)} | {label: np.asarray(place + 0.0) for label, place in places.items()}  # no -0.0
 
     def border(self, mirrors: Collection[str]) -> str:
         """Return the path along the border of the zone's irreducible part; empty where no mirror of an axis leaves one."""
