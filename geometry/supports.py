@@ -1,4 +1,4 @@
-"""Supports of a plate: clamped, pinned and elastic edges, and springs, dampers and masses on discs of its back face."""
+"""Supports of a plate: clamped, pinned and elastic edges, and screws, springs, dampers and masses on discs of its back face."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ class Support:
     Attributes
     ----------
     kind : {"clamp", "simple", "foam", "spring", "mass"}
-        clamp holds the edge face, simple its u_z and the displacement along the edge; the others act as stated below.
+        clamp holds the edge face or disc; simple its u_z, and on an edge face the displacement along it; the others act as
+        stated below.
     edge : str
         Edge face x-, x+, y- or y+; empty for a disc.
     at_m : tuple of float
@@ -49,7 +50,7 @@ class Support:
         """Axes along which the face cannot move."""
         if self.kind == "clamp":
             return "xyz"
-        return {"x": "yz", "y": "xz"}[self.edge[0]] if self.kind == "simple" else ""
+        return {"x": "yz", "y": "xz", "": "z"}[self.edge[:1]] if self.kind == "simple" else ""
 
     def stiffness_of(self, length_m: float) -> float:
         """Return the whole stiffness along z of an edge as long as this, or of a disc, N/m."""

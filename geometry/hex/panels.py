@@ -494,6 +494,36 @@ def panel_mesh(panel: Panel, stack: Stack, pillar: Pillar | None, settings: HexS
     return joined(patches, z, stack.thickness_m, settings.order, stack.joints_m, own.levels_m[1:-1])
 
 
+def disc_mesh(panel: Panel, stack: Stack, radius_m: float, settings: HexSettings) -> Mesh:
+    """Mesh a rectangular panel about a disc of its bare back face, graded towards the disc's rim.
+
+    Parameters
+    ----------
+    panel : Panel
+        Corners and the disc's centre, its foot, in m.
+    stack : Stack
+        Layers of the plate.
+    radius_m : float
+        Radius of the disc.
+    settings : HexSettings
+        Order, element sizes and grading.
+
+    Returns
+    -------
+    Mesh
+        Nodes in m from the panel's middle; those on the disc are on nodes of its elements' faces.
+
+    Raises
+    ------
+    MeshError
+        If elements about the rim do not meet node for node.
+    """
+    z = grid_lines(breaks_through(stack, False, True), settings.through_grading(stack))
+    patches = _quadrants(panel, "disc", radius_m, settings.grading)
+    mesh = joined(patches, z, stack.thickness_m, settings.order, stack.joints_m).mesh
+    return replace(mesh, regions={name: cells for name, cells in mesh.regions.items() if len(cells)})
+
+
 def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> csr_array:
     """Build the matrix that carries a field from a panel's mesh to a finer one nested in the same lines.
 
@@ -574,8 +604,19 @@ def _foot_patches(
 
     Of a pillar `grown` times as wide that stands off its place by `shift_m` the same patches, in the same block of the plate.
     """
-    quadrant, rim = PLANS[pillar.form.plan]
-    half, origin, grading, patches = pillar.base_m / 2.0, _foot_from_middle(panel), settings.grading, []
+    return _quadrants(panel, pillar.form.plan, pillar.base_m / 2.0, settings.grading, grown, shift_m)
+
+
+def _quadrants(
+    panel: Panel,
+    plan: str,
+    half: float,
+    grading: Grading,
+    grown: float = 1.0,
+    shift_m: tuple[float, float] = (0.0, 0.0),
+) -> list[Patch]:
+    """The patches about a foot of a plan, half its width across."""
+    (quadrant, rim), origin, patches = PLANS[plan], _foot_from_middle(panel), []
     x_ends, y_ends = _ends(panel)
     places = [((x, y), (x_end, y_end)) for x, x_end in x_ends.items() for y, y_end in y_ends.items()]
     blocks = [_block(half, rim, ends) for _, ends in places]

@@ -55,7 +55,7 @@ FEATURES = {
     ),
     STRESS: Feature(
         lambda case: f"{STRESS} = {case.solve.temperature_C:g}" if _is_stressed(case.design) else "",
-        "must be 20: {} leaves out the stress of a plate whose clamped or simply supported edges hold its expansion"
+        "must be 20: {} leaves out the stress of a plate whose clamps or simply supported edges hold its expansion"
         " (expansion_per_K = 0 of all layers is for a mount that expands with the plate)",
     ),
     GROUPS: Feature(
@@ -86,7 +86,7 @@ def _is_stressed(design: Design) -> bool:
     from geometry.materials import USUAL_C
 
     layers = (material for material, _ in design.stack.layers)
-    return any(each.held_axes for each in design.supports) and any(
+    return any(set(each.held_axes) & {*"xy"} for each in design.supports) and any(
         material.temperature_c != USUAL_C and material.expansion_per_k != 0.0 for material in layers
     )
 

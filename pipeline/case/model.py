@@ -41,7 +41,7 @@ from pipeline.case.reading import (
 )
 from pipeline.case.reading import CaseValues as Values
 from pipeline.case.schema import BandsTable, FingertipTable, SolveTable, Table, Tables, ToleranceTable
-from pipeline.case.supports import check_places, read_supports
+from pipeline.case.supports import check_beside_patches, check_places, read_supports
 from pipeline.errors import InputError
 from pipeline.quantity import GRAM, MM, UM
 from solvers.analytic.beams import antinodes, zone_mode
@@ -392,6 +392,7 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         values.diagnostics.stop()
     if design.supports and {"plate", "zone"} <= values.given:
         check_places(design, values.diagnostics)
+        check_beside_patches(design, patches, values.diagnostics)
         values.diagnostics.stop()
 
     def pillar_of(other: dict[str, Any]) -> Pillar | None:

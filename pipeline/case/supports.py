@@ -7,13 +7,15 @@ from itertools import pairwise
 from math import hypot
 from typing import Any
 
-from geometry.layout import Design
+import numpy as np
+
+from geometry.layout import Design, Patches
 from geometry.supports import Support
 from geometry.tiling import tile
 from pipeline.case.limits import MAX_SUPPORTS
 from pipeline.case.reading import Diagnostics, check_table, is_table
 from pipeline.case.schema import SUPPORTS_ALLOWED, SupportTable, known_keys
-from pipeline.quantity import GRAM, MM, figure
+from pipeline.quantity import GRAM, MM
 
 ALLOWED = {  # keys of each kind besides edge, or at_mm and radius_mm; the first is needed, of a spring one of both
     "clamp": (),
@@ -23,10 +25,9 @@ ALLOWED = {  # keys of each kind besides edge, or at_mm and radius_mm; the first
     "mass": ("mass_g",),
 }
 ACTS = ("stiffness_N_per_m", "stiffness_N_per_m2", "damping_Ns_per_m", "mass_g")
+NEAR = 1e-9  # relative: rounding of places
 FLUSH = 1e-3  # of the plate's thickness: a narrower strip before an edge cannot be meshed
-ON_DISCS = ("spring", "mass")
-# stiffness of a spring in E r, r its radius, compared with which the plate under it is soft: E r / 0.5 for a punch
-RIGID = 20.0
+GAP = 0.1  # of the radius of a held disc: room that elements about its rim take
 
 
 def faults_of(table: SupportTable, named: str) -> Iterator[tuple[str, Any, str]]:
@@ -81,7 +82,7 @@ def _in_si(table: SupportTable) -> Support:
 
 
 def check_places(design: Design, diagnostics: Diagnostics) -> None:
-    """Report discs off the plate or beside pillars, and clamped ones."""
+    """Report discs off the plate or beside pillars, foam on them, and held ones that are too near to another."""
     flush = _flush_edges(design)
     for number, support in enumerate(design.supports):
         if support.edge:
@@ -91,23 +92,48 @@ def check_places(design: Design, diagnostics: Diagnostics) -> None:
             continue
         at, radius = [place / MM for place in support.at_m], support.radius_m
         key = f"support.{number}.at_mm"
-        ends = design.plate_m[0] / 2.0, design.plate_m[1] / 2.0
+        held = bool(support.held_axes)
+        gap, words = (GAP * radius, f" with {GAP * radius / MM:g} mm around it") if held else (0.0, "")
+        ends = design.plate_m[0] / 2.0 - gap, design.plate_m[1] / 2.0 - gap
         if any(abs(place) + radius > end * (1.0 + 1e-12) for place, end in zip(support.at_m, ends, strict=True)):
             reach = " and ".join(
                 f"{axis} from {-end / MM:g} to {end / MM:g}" for axis, end in zip("xy", ends, strict=True)
             )
             diagnostics.add(key, at, f"the disc must lie on the plate, {reach} mm")
-        elif support.kind not in ON_DISCS:
-            stiff = RIGID * design.stack.back.average.young_pa * radius
-            what = (
-                "must be spring or mass on a disc: clamp, simple and foam are for edges (a spring with "
-                f"stiffness_N_per_m = {figure(stiff / 1e9, 0.1 * stiff / 1e9)}e9 holds the disc's u_z)"
-            )
+        elif support.kind == "foam":
+            what = "must be clamp, simple, spring or mass on a disc: foam is for edges"
             diagnostics.add(f"support.{number}.kind", support.kind, what)
-        elif _meets_pillars(design, support):
-            diagnostics.add(
-                key, at, "the disc must lie on bare plate: it meets the panel of a pillar, at most a pitch wide"
+        elif _meets_pillars(design, support, gap):
+            what = f"the disc{words} must lie on bare plate: it meets the panel of a pillar, at most a pitch wide"
+            diagnostics.add(key, at, what)
+        else:
+            _check_apart(design, number, diagnostics)
+
+
+def _check_apart(design: Design, number: int, diagnostics: Diagnostics) -> None:
+    """Report a disc less than a thickness from one before it, if either is held."""
+    support, room = design.supports[number], design.thickness_m
+    for first, other in enumerate(design.supports[:number]):
+        apart = hypot(*(a - b for a, b in zip(support.at_m, other.at_m, strict=True)))
+        is_near = apart < (support.radius_m + other.radius_m + room) * (1.0 - NEAR)
+        if is_near and not other.edge and (support.held_axes or other.held_axes):
+            what = (
+                f"must leave {room / MM:g} mm, the plate's thickness, between the rims of support.{first} and its own"
             )
+            diagnostics.add(f"support.{number}.at_mm", [place / MM for place in support.at_m], what)
+
+
+def check_beside_patches(design: Design, patches: Patches | None, diagnostics: Diagnostics) -> None:
+    """Report held discs beneath a patch on the back face, or less than a thickness from it."""
+    for number, support in enumerate(design.supports):
+        if patches is None or patches.face != "back" or support.edge or not support.held_axes:
+            continue
+        boxes, at = patches.boxes_m().reshape(-1, 2, 2), np.array(support.at_m)
+        away = np.hypot(*np.maximum(np.maximum(boxes[..., 0] - at, at - boxes[..., 1]), 0.0).T)
+        near = np.flatnonzero(away < (support.radius_m + design.thickness_m) * (1.0 - NEAR))
+        if len(near):
+            what = f"must lie {design.thickness_m / MM:g} mm, the plate's thickness, off the patches: patch {near[0]} is nearer"
+            diagnostics.add(f"support.{number}.at_mm", [place / MM for place in support.at_m], what)
 
 
 def _flush_edges(design: Design) -> str:
@@ -123,14 +149,15 @@ def _flush_edges(design: Design) -> str:
     return "".join(axis for axis, left in room.items() if left < FLUSH * design.thickness_m)
 
 
-def _meets_pillars(design: Design, support: Support) -> bool:
-    """Whether a disc meets a panel with a pillar, whose back face is not free."""
+def _meets_pillars(design: Design, support: Support, gap_m: float) -> bool:
+    """Whether a disc, or the square about a held one, meets a panel with a pillar, whose back face is not free."""
+    span = hypot if not gap_m else max
     tiling = tile(design, design.plate_m[0])
     for i, j in tiling.feet:
         panel = tiling.panel(i, j)
         away = [
             max(low - at, at - high, 0.0) for low, at, high in zip(panel.low, support.at_m, panel.high, strict=True)
         ]
-        if hypot(*away) < support.radius_m:
+        if span(*away) < support.radius_m + gap_m:
             return True
     return False

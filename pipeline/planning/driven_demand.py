@@ -200,7 +200,7 @@ class _Patches:
         return len({max(each, count - 1 - each) for each in numbers}) if self.own.quarter else len(numbers)
 
     def _panels(self, box: FloatArray, reach_m: float) -> list[tuple[int, int]]:
-        from solvers.piezo.bond import between
+        from solvers.superelement.bond import between
 
         tiling = self.own.tiling
         return [between(*pair, reach_m) for pair in zip((tiling.x, tiling.y), box.reshape(2, 2), strict=True)]

@@ -18,6 +18,10 @@ from geometry.layout import Rim
 from geometry.materials import Material
 from geometry.mesh import AnyMesh, Mesh, jacobians
 from solvers.accuracy.singularity import (
+    CLAMPED as HELD,
+)
+from solvers.accuracy.singularity import (
+    FREE,
     Wedge,
     antiplane_exponent,
     clamped_edge_exponent,
@@ -258,6 +262,28 @@ def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_
     )
 
 
+def held_shares(material: Material, mesh: HexSettings) -> ErrorFractions:
+    """Compute the error fractions at the rim of a disc of a face that is held: r^(1/2) where the law is isotropic.
+
+    Parameters
+    ----------
+    material : Material
+        Of the body.
+    mesh : HexSettings
+        Order, layers and element size.
+
+    Returns
+    -------
+    ErrorFractions
+        What the finer mesh still errs by, as a fraction of the change between meshes, and its uncertainty.
+
+    References
+    ----------
+    .. [1] williams1952 (docs/references.bib)
+    """
+    return _shares(_edges((Wedge(material, pi),), (HELD, FREE)), mesh, CLAMPED_ROUGH)
+
+
 @dataclass(frozen=True)
 class Edge:
     """A singularity: its exponent, the part of the outer elements in the error, and its weight among others."""
@@ -271,9 +297,9 @@ def _rim_edges(*rims: Rim) -> tuple[Edge, ...]:
     return tuple(edge for rim in rims for edge in _edges((Wedge(*rim[0]), Wedge(*rim[1]))))
 
 
-def _edges(wedges: tuple[Wedge, ...]) -> tuple[Edge, Edge]:
+def _edges(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FREE)) -> tuple[Edge, Edge]:
     """Singularities in the plane across an edge and along it, both exponents slightly below the regular value 1."""
-    across, along = (min(each(wedges), ALMOST_SMOOTH) for each in (edge_exponent, antiplane_exponent))
+    across, along = (min(each(wedges, faces), ALMOST_SMOOTH) for each in (edge_exponent, antiplane_exponent))
     return Edge(across, OUTER_ACROSS, ACROSS), Edge(along, OUTER_ALONG, 1.0 - ACROSS)
 
 

@@ -37,7 +37,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
-from solvers.accuracy.mesh import ErrorFractions, Nested, StressRecovery, shares_of, smooth_half_width
+from solvers.accuracy.mesh import (
+    ErrorFractions,
+    Nested,
+    StressRecovery,
+    prolonged_eigenvalues,
+    shares_of,
+    smooth_half_width,
+)
 from solvers.fem.assembly import on_components
 from solvers.fem.eigen import PlainPencil, count_below
 from solvers.fem.factor import Factoriser, parallel_map
@@ -232,11 +239,12 @@ def mode_errors(
         Relative errors of the frequencies, (k,) each.
     """
     value = energy(vectors, pencil.stiffness @ vectors)
-    along = by_degrees(pencil, vectors, last_degree(plate))
+    held = isinstance(plate, AssembledPlate) and bool(plate.holds)
+    along = by_degrees(pencil, vectors, last_degree(plate), held=held)
     if all(cell.further for cell in plate.cells):
         through = _by_further(plate, value, vectors)
     else:
-        through = EDGE_LAYER * by_degrees(pencil, vectors, _dofs(plate, last_layer))
+        through = EDGE_LAYER * by_degrees(pencil, vectors, _dofs(plate, last_layer), held=held)
     return ModeErrors(by_modes(plate, value, vectors), along, through, *by_mesh(plate, value, vectors, rims))
 
 
@@ -245,10 +253,12 @@ def by_degrees(
     vectors: FloatArray | ComplexArray,
     last: BoolArray,
     images: tuple[FloatArray, FloatArray] | None = None,
+    held: bool = False,
 ) -> FloatArray:
     """Compute the relative rise of frequencies without the part d of each mode u that belongs to the last degree.
 
-    By Rayleigh's quotient of u - d, from K and M on d alone.
+    By Rayleigh's quotient of u - d, from K and M on d alone. Where discs of the plate are held, u - d would move them: all
+    other functions then find their modes without the last degree.
 
     Parameters
     ----------
@@ -260,6 +270,8 @@ def by_degrees(
         Degrees of freedom of the last degree.
     images : tuple of ndarray, shape (dof, k), optional
         K u and M u, if known.
+    held : bool, optional
+        Whether discs are held.
 
     Returns
     -------
@@ -268,6 +280,8 @@ def by_degrees(
     """
     where = np.flatnonzero(last)
     stiff, heavy = images or (pencil.stiffness @ vectors, pencil.mass @ vectors)
+    if held and len(where) and vectors.shape[1]:
+        return _without(pencil, np.real(vectors), np.flatnonzero(~last), energy(vectors, stiff))
     value, dropped = energy(vectors, stiff), vectors[where]
     left = [
         energy(vectors, image)
@@ -276,6 +290,14 @@ def by_degrees(
         for matrix, image in ((pencil.stiffness, stiff), (pencil.mass, heavy))
     ]
     return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
+
+
+def _without(pencil: PlainPencil, vectors: FloatArray, left: IntArray, values: FloatArray) -> FloatArray:
+    """Relative rise of frequencies, (k,), where only some of the degrees of freedom are left."""
+    stiffness, mass = (matrix[left][:, left].tocsc() for matrix in (pencil.stiffness, pencil.mass))
+    place = sp.csr_array((np.ones(len(left)), (left, np.arange(len(left)))), shape=(pencil.dof, len(left)))
+    fewer = prolonged_eigenvalues(pencil, PlainPencil(stiffness, mass, pencil.scale), place, vectors, values)
+    return np.asarray(np.sqrt(np.maximum(fewer / values, 1.0)) - 1.0)
 
 
 def energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray) -> FloatArray:
@@ -336,7 +358,8 @@ def by_mesh(
             beyond += shares.doubt * error.taken * (by_layer - by_order / error.edge)
     known = [each.cell.mesh_error for each in plate.placed_cells]
     smooth = smooth_half_width(order, AWAY, min((error.order for error in known if error), default=0))
-    return taken, rims * np.abs(rim) + smooth + clamps + np.maximum(beyond, 0.0)
+    discs = plate.missed_at_discs(np.real(vectors), value) if isinstance(plate, AssembledPlate) else 0.0
+    return taken, rims * np.abs(rim) + smooth + clamps + discs + np.maximum(beyond, 0.0)
 
 
 def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:

@@ -15,11 +15,11 @@ from geometry.elements import ComplexArray, FloatArray
 from solvers.driven.curve_bars import Doubts, rms, rms_bars, with_peak
 from solvers.errors import SolverError
 from solvers.measures.confinement import peak_hz, ratio_db, target_shape, zone_parts
-from solvers.piezo.bond import mirror_signs
 from solvers.piezo.forced import ForcedPlate, GroupModes
 from solvers.piezo.patched_plate import PatchedPlate
 from solvers.piezo.responses import face_motion, resonances_hz
 from solvers.shaping.modal_table import ModalTable
+from solvers.superelement.bond import mirror_signs
 from solvers.superelement.cell import Cell
 from solvers.superelement.plate import WHOLE
 

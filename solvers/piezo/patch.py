@@ -39,8 +39,8 @@ from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.solid import constrain, free_mask
 from solvers.fem.surface import SAME_M, face_quadrature, grid_weights
 from solvers.machine import check_room
-from solvers.piezo.bond import Contact, JoinedPanels, Panels, between, mirror_signs, positive_part
 from solvers.plates.assembled import Cache, Reductions
+from solvers.superelement.bond import Contact, JoinedPanels, Panels, between, mirror_signs, positive_part
 from solvers.superelement.plate import AssembledPlate
 
 MESH = HexSettings(3, 4e-3, 1, 0.15)  # along the patch a quarter of a half-wavelength of 15 mm, shorter at its edges

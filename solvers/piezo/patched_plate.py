@@ -37,8 +37,8 @@ from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil, factor_near
 from solvers.fem.factor import Factoriser
 from solvers.measures.confinement import TouchField, target_shape, target_symmetry
-from solvers.piezo.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts
 from solvers.piezo.patch import BondedPatch, StaticCorrection, bonded_patch
+from solvers.superelement.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts
 from solvers.superelement.plate import WHOLE, AssembledPlate
 
 CLASSES = ("SS", "SA", "AS", "AA")

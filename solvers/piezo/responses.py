@@ -16,9 +16,9 @@ from geometry.elements import ComplexArray, FloatArray
 from solvers.accuracy.reduction import MARGIN, by_degrees, by_mesh, by_modes, last_degree
 from solvers.control.identification import half_power_quality_factor
 from solvers.measures.confinement import ratio_db
-from solvers.piezo.bond import Contact, displacement_at, mirror_signs
 from solvers.piezo.forced import SETTLING, Curve, ForcedPlate, GroupModes, whitened
 from solvers.piezo.patched_plate import Group
+from solvers.superelement.bond import Contact, displacement_at, mirror_signs
 from solvers.superelement.plate import WHOLE
 
 PER_WIDTH = 6  # points over a resonance's half-power width about a peak
@@ -622,7 +622,8 @@ def _estimated(basis: GroupModes) -> FrequencyErrors:
         mesh += by_mesh(plate, value, part)[1]
         modes += by_modes(plate, value, part)
     last = np.concatenate([last_degree(plate) for plate in group.plates])
-    reduction = MARGIN * (modes + by_degrees(group.pencil, vectors, last, basis.images))
+    held = any(plate.holds for plate in group.plates)
+    reduction = MARGIN * (modes + by_degrees(group.pencil, vectors, last, basis.images, held))
     if basis.parted is not None:
         reduction = reduction + basis.parted.missed(basis.frequency_hz)
     return FrequencyErrors(mesh, reduction, _bonding(basis, vectors))

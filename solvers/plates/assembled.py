@@ -28,6 +28,7 @@ from solvers.fem.factor import parallel_map
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
+from solvers.plates.held import holds_of
 from solvers.superelement.attached import carried, with_attached
 from solvers.superelement.cell import Cell, restricted
 from solvers.superelement.interface import ReductionSettings
@@ -260,7 +261,10 @@ class PlateModel:
             if name == WHOLE:  # a panel at a mirrored plate's lower end may belong to none of its classes
                 self._reduce(True)
             grid = None if name == WHOLE else self._grid
-            self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name, grid)
+            plate = AssembledPlate(self.tiling, self.cells, name, grid)
+            others = [each for each in self._assembled_plates.values() if each.grid is plate.grid]
+            plate.holds = others[0].holds if others else holds_of(plate, self.reductions)  # of one numbering
+            self._assembled_plates[name] = plate
         return self._assembled_plates[name]
 
     @property

@@ -8,7 +8,7 @@ the symmetry class forbids them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 from operator import attrgetter
 
@@ -25,7 +25,7 @@ from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, Expansion, PlacedCell, SurfaceRule, with_further
 from solvers.superelement.clamped import softened
 from solvers.superelement.interface import OFFSETS, SIDES, VERTICES, Interface
-from solvers.superelement.supports import Action, actions, at_edge, held_dofs, rigid_count
+from solvers.superelement.supports import Action, Hold, actions, at_edge, held_dofs, rigid_count
 
 WHOLE = ""  # no mirror: every panel is assembled
 DROP_TOLERANCE = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
@@ -50,13 +50,16 @@ class AssembledPlate:
         self.dof = len(alive)
         number = np.full(self.grid.count, -1, dtype=np.int64)
         number[alive] = np.arange(len(alive))
+        self._number, self._sign = number[whole], sign
         self.placed_cells = [self._place(i, j, number[whole], sign) for i, j in self.grid.representative_cells()]
+        self.holds: Sequence[Hold] = ()  # discs of the back face
 
     def _place(self, i: int, j: int, number: IntArray, sign: FloatArray) -> PlacedCell:
         dofs = self.grid.dofs(i, j)
         panel = self.tiling.panel(i, j)
         copies = self.grid.copies(i, j)
-        clamped = any(each.kind == "clamp" and at_edge(self.tiling, i, j, each.edge) for each in self.tiling.supports)
+        clamps = [each.edge for each in self.tiling.supports if each.kind == "clamp" and each.edge]
+        clamped = any(at_edge(self.tiling, i, j, edge) for edge in clamps)
         cell, taken = self.grid.clamped_cell(i, j) if clamped else (self.grid.cell(i, j), None)
         return PlacedCell(cell, panel.middle, number[dofs], sign[dofs], copies, taken)
 
@@ -75,7 +78,28 @@ class AssembledPlate:
         stiffness, mass = self.of_cells(lambda cell: cell.stiffness), self.of_cells(lambda cell: cell.mass)
         for action in self.actions:
             stiffness, mass = stiffness + action.stiffness(self.scale), mass + action.mass(self.scale)
+        for hold in self.holds:
+            stiffness = stiffness + self.held_stiffness(hold)
         return PlainPencil(sp.csc_array(stiffness), sp.csc_array(mass), self.scale, self.rigid_count)
+
+    def missed_at_discs(self, vectors: FloatArray, eigenvalue: FloatArray) -> FloatArray:
+        """Relative error of frequencies, (k,), by elements at the rims of held discs at most: Rayleigh's quotient."""
+        total = np.zeros_like(eigenvalue)
+        for hold in self.holds:
+            own = self._placed(hold) @ vectors
+            total += hold.count * hold.missed * np.abs(np.einsum("ik,ik->k", own, hold.layer @ own))
+        return np.asarray(total / (2.0 * eigenvalue))
+
+    def held_stiffness(self, hold: Hold) -> sp.csc_array:
+        """Stiffness of a held disc and its mirror images in the plate's degrees of freedom, (dof, dof)."""
+        place = self._placed(hold)
+        return sp.csc_array(hold.count * (place.T @ sp.csr_array(hold.stiffness) @ place))
+
+    def _placed(self, hold: Hold) -> sp.csr_array:
+        """Degrees of freedom of the panels about a held disc from the plate's, (n, dof)."""
+        live = np.flatnonzero(self._sign[hold.dofs] != 0.0)
+        at = hold.dofs[live]
+        return sp.csr_array((self._sign[at], (live, self._number[at])), shape=(len(hold.dofs), self.dof))
 
     @property
     def scale(self) -> Scale:
@@ -105,7 +129,8 @@ class AssembledPlate:
 
     def lost(self, vectors: FloatArray) -> FloatArray:
         """Loss between motions, u' (sum of loss factor times stiffness) u, (k, k). SolverError for cells without it."""
-        return np.asarray(vectors.T @ (self.of_cells(loss_of) @ vectors))
+        about = sum(hold.loss_factor * self.held_stiffness(hold) for hold in self.holds)
+        return np.asarray(vectors.T @ ((self.of_cells(loss_of) + about) @ vectors))
 
     def parted(self, vectors: FloatArray) -> FloatArray:
         """Stiffness of each material between motions (dof, k), and what K has more, (materials + 1, k, k).
@@ -115,7 +140,10 @@ class AssembledPlate:
         count = max(len(cell.by_material) for cell in self.cells if cell.by_material is not None)
         each = [vectors.T @ (self.of_cells(partial(part_of, number)) @ vectors) for number in range(count)]
         whole = vectors.T @ (self.of_cells(attrgetter("stiffness")) @ vectors)
-        return np.array([*each, whole - np.sum(each, axis=0)])
+        rest = whole - np.sum(each, axis=0)
+        for hold in self.holds:
+            each[hold.material] += vectors.T @ (self.held_stiffness(hold) @ vectors)
+        return np.array([*each, rest])
 
     def of_cells(self, matrix: Callable[[Cell], FloatArray]) -> sp.csc_array:
         """The cells' matrices (cell dof, cell dof) summed over the plate, (dof, dof), without entries of rounding alone."""

@@ -60,6 +60,24 @@ class Action:
         return np.asarray(self.support.damping_n_s_m / unit * (moved.T @ (self.weights[:, None] * moved)))
 
 
+@dataclass(frozen=True)
+class Hold:
+    """What a plate feels of a disc that is held: stiffness (n, n) in the degrees of freedom `dofs` (n,) of its grid, scaled.
+
+    layer: what a mesh without the innermost layer at the rim adds to it; missed: how much of that, at most, the finest mesh has
+    too much; count: of mirror images, itself included. material: number of the plate's material there among those of its
+    cells; loss_factor: of that one.
+    """
+
+    dofs: IntArray
+    stiffness: FloatArray
+    layer: FloatArray
+    missed: float
+    count: int
+    material: int = 0
+    loss_factor: float = 0.0
+
+
 Placed = Sequence[tuple[tuple[int, int], PlacedCell]]  # cells of a plate with column and row of their panels
 
 
@@ -236,7 +254,7 @@ def held_dofs(tiling: Tiling, corners: IntArray, beside_x: IntArray, beside_y: I
     ndarray of int, shape (n,)
         Degrees of freedom.
     """
-    for support in tiling.supports:
+    for support in (each for each in tiling.supports if each.edge):
         end = 0 if support.edge[1:] == "-" else -1
         for axis in support.held_axes:
             for dofs in (

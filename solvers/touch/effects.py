@@ -23,10 +23,10 @@ import scipy.linalg
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from solvers.errors import SolverError
-from solvers.piezo.bond import mirror_signs
 from solvers.piezo.forced import GroupModes
 from solvers.piezo.patched_plate import Group
 from solvers.piezo.responses import face_motion, ritz_modes
+from solvers.superelement.bond import mirror_signs
 from solvers.superelement.plate import WHOLE
 from solvers.touch import touched_plate
 from solvers.touch.touched_plate import TouchedPlate, rms, with_loads

@@ -25,12 +25,12 @@ from solvers.fem.eigen import factor_near
 from solvers.fem.factor import Factoriser
 from solvers.fem.solid import constrain, free_mask
 from solvers.fem.surface import SAME_M, grid_weights
-from solvers.piezo.bond import Contact, JoinedPanels, Panels, positive_part
 from solvers.piezo.forced import ForcedPlate, GroupModes, damped, residual_vectors, with_moduli
 from solvers.piezo.patch import StaticCorrection
 from solvers.piezo.patched_plate import Group
 from solvers.piezo.responses import face_motion
 from solvers.plates.assembled import Reductions
+from solvers.superelement.bond import Contact, JoinedPanels, Panels, positive_part
 from solvers.superelement.plate import AssembledPlate
 
 # -- integrals over the disk -------------------------------------------------------------------------------------------

@@ -16,8 +16,8 @@ from geometry.tiling import Signature, signature
 from solvers.errors import SolverError
 from solvers.fem.eigen import factor_near
 from solvers.measures.target_mode import Verdict, verdict
-from solvers.piezo.bond import mirror_signs
 from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, quadratic, rms, touched
+from solvers.superelement.bond import mirror_signs
 from solvers.variation.cells import PARAMETERS, STIFFNESS, CellFamily
 
 # -- plate on few motions ----------------------------------------------------------------------------------------------

@@ -23,12 +23,12 @@ from solvers.fem.solid import SolidModel
 from solvers.piezo import patch as beneath_patches
 from solvers.piezo import patch as piezo_patch
 from solvers.piezo import patched_plate
-from solvers.piezo.bond import Contact, displacement_at
 from solvers.piezo.forced import Drive, ForcedPlate, group_modes
 from solvers.piezo.patch import MESH, StaticCorrection, _mesh, bonded_patch, patch_mesh, pillars_beneath, with_potential
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, _bonds, coupled_classes
 from solvers.piezo.responses import frequency_errors, height_error
 from solvers.plates.assembled import PlateModel, Reductions
+from solvers.superelement.bond import Contact, displacement_at
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE, AssembledPlate
 from tests.helpers.kept_matrices import KeptMatrices

@@ -18,12 +18,12 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
 from geometry.supports import Support
-from solvers.piezo.bond import Contact, displacement_at
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.responses import face_motion
 from solvers.plates.assembled import PlateModel, Reductions
+from solvers.superelement.bond import Contact, displacement_at
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE
 from solvers.touch import touched_plate

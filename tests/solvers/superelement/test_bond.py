@@ -10,8 +10,8 @@ from geometry.layout import Pillar
 from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.errors import SolverError
-from solvers.piezo.bond import _field, grid_weights
 from solvers.plates.assembled import Reductions
+from solvers.superelement.bond import _field, grid_weights
 from solvers.superelement.interface import Interface, ReductionSettings
 
 ALUMINIUM = MATERIALS["aluminium"]

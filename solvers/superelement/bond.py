@@ -275,7 +275,7 @@ class Panels:
 
 class JoinedPanels:
     """Panels of a plate joined with one another alone: their boundary degrees of freedom and fixed-interface modes, numbered
-    from 0, and K of all of them, (n, n), in the plate's scale.
+    from 0, their `numbers` (n,) in the plate's grid, and K of all of them, (n, n), in the plate's scale.
     """
 
     def __init__(self, panels: Panels, plate: AssembledPlate) -> None:
@@ -283,7 +283,7 @@ class JoinedPanels:
         dofs = [panels.grid.dofs(i, j) for i, j in panels.places]
         known, number = np.unique(np.concatenate(dofs), return_inverse=True)
         places = np.split(number, np.cumsum([len(each) for each in dofs])[:-1])
-        self.count, self._own = len(known), dict(zip(panels.places, places, strict=True))
+        self.count, self.numbers, self._own = len(known), known, dict(zip(panels.places, places, strict=True))
         self._turned = {place: _turned(panels.grid, *place) for place in panels.places}
         self.stiffness = self._summed()
 
