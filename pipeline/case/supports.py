@@ -27,6 +27,9 @@ ALLOWED = {  # keys of each kind besides edge, or at_mm and radius_mm; the first
 ACTS = ("stiffness_N_per_m", "stiffness_N_per_m2", "damping_Ns_per_m", "mass_g")
 NEAR = 1e-9  # relative: rounding of places
 FLUSH = 1e-3  # of the plate's thickness: a narrower strip before an edge cannot be meshed
+# stiffness of a spring on a disc in E r: a punch of 2 E r dents the plate by half a per cent of what this one yields, and the
+# panels' functions show little of the dent
+SOFT = 0.01
 GAP = 0.1  # of the radius of a held disc: room that elements about its rim take
 
 
@@ -103,6 +106,9 @@ def check_places(design: Design, diagnostics: Diagnostics) -> None:
         elif support.kind == "foam":
             what = "must be clamp, simple, spring or mass on a disc: foam is for edges"
             diagnostics.add(f"support.{number}.kind", support.kind, what)
+        elif support.stiffness_n_m > (most := SOFT * design.stack.back.average.young_pa * radius):
+            what = f'must be at most {most:g} on this disc, whose dent is left out (kind = "simple" holds it)'
+            diagnostics.add(f"support.{number}.stiffness_N_per_m", support.stiffness_n_m, what)
         elif _meets_pillars(design, support, gap):
             what = f"the disc{words} must lie on bare plate: it meets the panel of a pillar, at most a pitch wide"
             diagnostics.add(key, at, what)

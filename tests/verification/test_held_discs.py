@@ -144,6 +144,10 @@ def test_mirrored_classes_are_those_of_the_whole_plate() -> None:
     [
         ([{"kind": "foam", "at_mm": [0, 0], "radius_mm": 1.0, "stiffness_N_per_m2": 1.0}], "foam is for edges"),
         ([{"kind": "clamp", "at_mm": [0, 0]}], "support.0.radius_mm"),
+        (
+            [{"kind": "spring", "at_mm": [0, 0], "radius_mm": 1.0, "stiffness_N_per_m": 7.1e5}],
+            "support.0.stiffness_N_per_m = 710000: must be at most 700000 on this disc",
+        ),
         ([{"kind": "clamp", "at_mm": [10.95, 0], "radius_mm": 1.0}], "x from -11.9 to 11.9"),
         ([{"kind": "simple", "at_mm": [0, 9], "radius_mm": 1.0}], "the disc must lie on the plate"),
         ([{"kind": "clamp", "at_mm": [0, 0], "radius_mm": 1.0, "mass_g": 1.0}], "support.0.mass_g"),
