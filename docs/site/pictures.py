@@ -16,6 +16,7 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pipeline.records.store import code_hash
 
@@ -25,24 +26,58 @@ FIGURES = ("superelement", "superelement-convergence", "error-bars")
 
 
 @dataclass(frozen=True)
+class Figure:
+    """A number of an example's JSON document, and an independent value that it must meet within the bars of both."""
+
+    of: str
+    value: float
+    error: float  # relative, of the independent value
+    by: str
+    bar: str = ""  # the example's own relative error bar in the same document; none: the number has no mesh
+    command: str = ""  # where the example's own has no JSON document
+    quick: bool = False  # run by `make test`, the others by `make slow`
+
+
+@dataclass(frozen=True)
 class Example:
-    """One worked example: a command, and the picture that it writes."""
+    """One worked example: a command, the picture that it writes, and a figure to check."""
 
     name: str
     title: str
     picture: str
     command: str
     text: str
+    figure: Figure | None = None
 
     @property
     def file(self) -> str:
         """The picture's name on the site."""
         return f"{self.name}{Path(self.picture).suffix}"
 
+    @property
+    def checked(self) -> str:
+        """The figure in a line of the gallery."""
+        if self.figure is None:
+            return ""
+        return f"Checked figure: `{self.figure.of}` is {self.figure.value:.5g} by {self.figure.by}.\n"
+
 
 def examples() -> list[Example]:
     """The examples of gallery.toml."""
-    return [Example(**each) for each in tomllib.loads((SITE / "gallery.toml").read_text())["example"]]
+    listed = tomllib.loads((SITE / "gallery.toml").read_text())["example"]
+    return [Example(**{**each, "figure": Figure(**each["figure"]) if "figure" in each else None}) for each in listed]
+
+
+def number(document: Any, path: str) -> float:
+    """The number at a dotted path of a JSON document; a list's element by its place from 0 or by its `label`."""
+    for step in path.split("."):
+        if isinstance(document, dict):
+            document = document[step]
+        elif step.isdigit():
+            document = document[int(step)]
+        else:
+            document = next(each for each in document if each["label"] == step)
+    return float(document)
 
 
 def figure_examples() -> list[Example]:
@@ -87,4 +122,4 @@ def gallery_page(cache: Path) -> Iterator[str]:
         seconds = made(example, cache)
         print(f"{example.name}: {seconds:.1f} s", flush=True)
         yield f"## {example.title}\n\n![{example.title}](pictures/gallery/{example.file})\n\n{example.text}\n"
-        yield f"```sh\n{example.command}\n```\n\n{max(seconds, 1.0):.0f} s of one processor.\n"
+        yield f"```sh\n{example.command}\n```\n\n{example.checked}\n{max(seconds, 1.0):.0f} s of one processor.\n"

@@ -1,0 +1,61 @@
+"""The checked figures of the examples: its command in an empty folder, against an independent value within both bars."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline import paths
+from pipeline.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "docs" / "site"))
+try:
+    import pictures
+finally:
+    sys.path.remove(str(ROOT / "docs" / "site"))
+
+CHECKED = [each for each in pictures.examples() if each.figure is not None]
+SHARPEST = 0.05  # a wider tolerance would let a wrong figure pass
+
+
+def agrees(figure: pictures.Figure, document: dict) -> bool:
+    """Whether the figure of a document meets its independent value within the bars of both."""
+    bar = pictures.number(document, figure.bar) if figure.bar else 0.0
+    found = pictures.number(document, figure.of)
+    tolerance = found * bar + figure.value * figure.error
+    assert tolerance < SHARPEST * figure.value, f"{figure.of}: no check within {tolerance:.3g}"
+    return abs(found - figure.value) <= tolerance
+
+
+@pytest.mark.parametrize(
+    "example",
+    [pytest.param(e, id=e.name, marks=[] if e.figure.quick else [pytest.mark.slow]) for e in CHECKED],
+)
+@pytest.mark.filterwarnings("ignore::antinode.AntinodeWarning")
+def test_an_example_meets_its_checked_figure(
+    example: pictures.Example, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("examples", "studies"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(paths, "RESULTS", tmp_path / "results")
+    words = shlex.split(example.figure.command or example.command)[1:]
+    assert main.main([*words, "--quiet", "--json", "figure.json"]) == 0
+    assert agrees(example.figure, json.loads(Path("figure.json").read_text()))
+
+
+def test_a_figure_off_by_more_than_both_bars_is_seen() -> None:
+    figure = pictures.Figure("points.X.f.0", 100.0, 0.001, "theory", bar="points.X.e.0")
+    for found, holds in ((100.2, True), (99.8, True), (100.4, False), (99.6, False)):
+        assert agrees(figure, {"points": [{"label": "G"}, {"label": "X", "f": [found], "e": [0.002]}]}) is holds
+    with pytest.raises(AssertionError, match="no check within"):
+        agrees(figure, {"points": [{"label": "X", "f": [100.0], "e": [0.06]}]})
+
+
+def test_some_checked_figures_are_quick() -> None:
+    assert any(each.figure.quick for each in CHECKED) and not all(each.figure.quick for each in CHECKED)
