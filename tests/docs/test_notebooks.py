@@ -37,7 +37,9 @@ def cell_outputs(sources: list[str]) -> Iterator[Any]:
 @pytest.mark.parametrize(
     "place",
     [
-        pytest.param(p, id=p.stem, marks=[pytest.mark.slow] if p.stem in ("dispersion", "sweep") else [])
+        pytest.param(
+            p, id=p.stem, marks=[pytest.mark.slow] if p.stem in ("dispersion", "display", "prototype", "sweep") else []
+        )
         for p in NOTEBOOKS
     ],
 )
@@ -45,7 +47,7 @@ def cell_outputs(sources: list[str]) -> Iterator[Any]:
 def test_a_notebook_answers_on_coarse_plates(
     place: Path, coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shutil.copy(ROOT / "examples" / "small.toml", tmp_path)
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)
     sweep_here(monkeypatch)
     try:
@@ -63,7 +65,7 @@ def test_a_notebook_runs(place: Path, tmp_path: Path, monkeypatch: pytest.Monkey
     import nbformat
     from nbclient import NotebookClient
 
-    shutil.copy(ROOT / "examples" / "small.toml", tmp_path)
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     monkeypatch.setenv("ANTINODE_RESULTS", str(tmp_path / "results"))
     book = nbformat.read(place, as_version=4)
@@ -73,6 +75,6 @@ def test_a_notebook_runs(place: Path, tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_notebooks_are_stored_without_results() -> None:
-    assert len(NOTEBOOKS) == 3
+    assert len(NOTEBOOKS) == 5
     for place in NOTEBOOKS:
         assert not any(cell["outputs"] or cell["execution_count"] for cell in cells(place)), place.name
