@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise, product
 
 import numpy as np
@@ -29,13 +30,15 @@ from geometry.hex.panels import (
 )
 from geometry.hex.scenes import Grading, HexSettings, breaks_through, grid_lines
 from geometry.layout import Pillar
-from geometry.materials import Stack
+from geometry.materials import Layer, Stack
+from geometry.mesh import check_mesh
 from geometry.tiling import Panel
 
 QUARTER, SIXTH = np.pi / 2.0, np.pi / 3.0  # turns that leave a square, and a hexagon, as they are
 BEHIND = 0.65  # of the rim's half-widths: a corner of the cell beyond so much of both lies behind a corner of the rim
 SAME = 1e-9  # of a half-width: one place
 SNAP = 15  # digits of a place in m
+TRIAL = 3.0  # elements along the shorter side of a cell on which a pillar is tried
 REACH = 0.98  # of the cell's half-lengths: a foot must not come nearer to its sides
 Quadrant = tuple[
     list[Patch], Rim, Rim, FloatArray
@@ -72,19 +75,25 @@ def oblique_mesh(panel: Panel, stack: Stack, pillar: Pillar | None, settings: He
         return _bare(edges, stack, settings)
     if not fits(panel.edges_m, own):
         raise MeshError(f"hexahedra cannot follow a {own.shape} pillar in a cell of this shape")
-    z, patches = lines_along_z(stack, own, settings), list(_patches(edges, own, settings.grading))
-    mesh = joined(patches, z, stack.thickness_m, settings.order, stack.joints_m, own.levels_m[1:-1], edges)
-    if own.form.taper == 1.0:
+    return _with_pillar(edges, stack, own, settings)
+
+
+def _with_pillar(edges: FloatArray, stack: Stack, pillar: Pillar, settings: HexSettings) -> PatchedMesh:
+    z, patches = lines_along_z(stack, pillar, settings), list(_patches(edges, pillar, settings.grading))
+    mesh = joined(patches, z, stack.thickness_m, settings.order, stack.joints_m, pillar.levels_m[1:-1], edges)
+    if pillar.form.taper == 1.0:
         return mesh
-    return replace(mesh, mesh=leaning(mesh.mesh, np.zeros(2), stack.thickness_m, own.height_m, own.form.taper))
+    frustum = leaning(mesh.mesh, np.zeros(2), stack.thickness_m, pillar.height_m, pillar.form.taper)
+    return replace(mesh, mesh=frustum)
 
 
-def fits(edges_m: Sequence[Sequence[float]], pillar: Pillar) -> bool:
+@lru_cache(maxsize=64)
+def fits(edges_m: tuple[tuple[float, float], tuple[float, float]], pillar: Pillar) -> bool:
     """Check that hexahedra can follow a pillar in the middle of an oblique cell.
 
     Parameters
     ----------
-    edges_m : sequence of sequence
+    edges_m : tuple of tuple
         Vectors (x, y) along the sides of the cell, m.
     pillar : Pillar
         Pillar in its middle.
@@ -92,13 +101,23 @@ def fits(edges_m: Sequence[Sequence[float]], pillar: Pillar) -> bool:
     Returns
     -------
     bool
-        True where all its sections are one prism, or a frustum, within the sides of the cell.
+        True where all its sections are one prism, or a frustum, within the sides of the cell, and no element of a coarse mesh
+        is turned inside out.
     """
     upright = {section.outline for section in pillar.sections} == {pillar.sections[0].outline}
     if not pillar.takes_hexahedra or not upright or pillar.fillet_m:
         return False
     corners = np.abs(pillar.form.outline() @ np.linalg.inv(np.array(edges_m))) * max(1.0, pillar.form.taper)
-    return bool(corners.max() < REACH / 2.0)
+    if corners.max() >= REACH / 2.0:
+        return False
+    edges = np.array(edges_m)
+    stack = Stack((Layer(pillar.material, pillar.base_m),))
+    try:
+        trial = HexSettings(3, float(np.linalg.norm(edges, axis=1).min()) / TRIAL, 1)
+        check_mesh(_with_pillar(edges, stack, pillar, trial).mesh)
+    except MeshError:
+        return False
+    return True
 
 
 def _bare(edges: FloatArray, stack: Stack, settings: HexSettings) -> PatchedMesh:

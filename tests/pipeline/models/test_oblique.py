@@ -89,8 +89,18 @@ def test_the_reduced_cell_has_the_waves_of_its_mesh(shape: str) -> None:
         assert velocity == pytest.approx(np.pi * (ends[1] - ends[0]) / step, rel=1e-3, abs=1.0)
 
 
-def test_a_pillar_beyond_the_sides_of_the_cell_is_refused_in_one_line() -> None:
-    wide = case("round", {"a1_mm": [5.0, 0.0], "a2_mm": [2.2, 4.3]}, "pillar.diameter_mm=4.5")
+@pytest.mark.parametrize(
+    ("shape", "array", "change"),
+    [
+        ("round", {"a1_mm": [5.0, 0.0], "a2_mm": [2.2, 4.3]}, "pillar.diameter_mm=4.5"),
+        ("hexagonal", {"a1_mm": [1.38, 4.81], "a2_mm": [-6.15, 1.89]}, "pillar.side_mm=4.33"),
+    ],
+)
+def test_a_pillar_that_elements_cannot_follow_is_refused_in_one_line(
+    shape: str, array: dict[str, Any], change: str
+) -> None:
+    """Beyond the sides of the cell, or so near to them that elements between turn inside out."""
+    wide = case(shape, array, change)
     with pytest.raises(InputError, match=r"array\.a2_mm: a cell along the lattice's two shortest vectors") as fault:
         bands_of(wide, LOG)
     assert len(fault.value.lines) == 1
