@@ -24,7 +24,7 @@ from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice
 from solvers.waves.bloch import BlochCell
 from tests.helpers.asked import bands_of
-from tests.helpers.other_cell import other_bands
+from tests.helpers.other_program import other_bands
 
 LOG = TerminalLog(True)
 SHAPES: dict[str, dict[str, Any]] = {

@@ -25,7 +25,7 @@ from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.question import Run, ask
 from solvers.waves.bloch import periodic_nodes
 from tests.helpers.asked import bands_of
-from tests.helpers.other_cell import other_bands
+from tests.helpers.other_program import other_bands
 
 LOG = TerminalLog(True)
 SIDE_M, THICK_M = 4e-3, 1e-3

@@ -25,7 +25,7 @@ from pipeline.questions.bands import Bands, SupercellBands
 from pipeline.questions.broadband import Broadband
 from pipeline.questions.modes import Modes
 from pipeline.questions.question import Run, ask
-from tests.helpers.other_cell import other_bands
+from tests.helpers.other_program import other_bands
 
 LOG = TerminalLog(True)
 PITCH_M, THICK_M = 4e-3, 1e-3

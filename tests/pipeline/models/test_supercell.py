@@ -18,7 +18,7 @@ from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands, BandsResult, MeshBands, SupercellBands
 from pipeline.questions.question import Run, ask
 from tests.helpers.asked import bands_of
-from tests.helpers.other_cell import other_bands
+from tests.helpers.other_program import other_bands
 
 LOG = TerminalLog(True)
 RAW: dict[str, Any] = {
