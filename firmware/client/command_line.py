@@ -137,11 +137,6 @@ ACTIONS = {
         "report clock, longest interrupts and last exception", lambda client, text: describe_health(client.health())
     ),
     "watch": Action("show the measured values as bars", actions.watch, (SECONDS,)),
-    "page": Action(
-        "write a page that shows the same in Chromium, Chrome or Edge, without Python (needs no board)",
-        lambda client, text: page.write(text.file),
-        (argument("file", type=Path, metavar="FILE.html"),),
-    ),
     "log": Action(
         "write the measured values to a CSV file",
         actions.log,
@@ -235,6 +230,9 @@ ACTIONS = {
 }
 
 
+PAGE = "page"  # needs no board
+
+
 def parser_of_all() -> argparse.ArgumentParser:
     """Build the parser of the command line."""
     parser = argparse.ArgumentParser(
@@ -251,6 +249,8 @@ def parser_of_all() -> argparse.ArgumentParser:
         own = words.add_parser(name, help=action.text, description=action.text)
         for value, options in action.values:
             own.add_argument(value, **options)
+    text = "write a page that shows what watch does, in Chromium, Chrome or Edge, without Python (needs no board)"
+    words.add_parser(PAGE, help=text, description=text).add_argument("file", type=Path, metavar="FILE.html")
     return parser
 
 
@@ -262,7 +262,7 @@ def with_port(arguments: list[str]) -> list[str]:
     if named.port is not None:
         return [named.port, *rest]
     is_word = len(rest) == 1 and rest[0][:1] not in ("-", "/")  # probably a mistyped action
-    return ["auto", *rest] if rest and (rest[0] in ACTIONS or is_word) else rest
+    return ["auto", *rest] if rest and (rest[0] in (*ACTIONS, PAGE) or is_word) else rest
 
 
 def prepare(text: argparse.Namespace) -> None:
@@ -279,10 +279,10 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit code."""
     text = parser_of_all().parse_args(with_port(sys.argv[1:] if arguments is None else arguments))
     try:
-        prepare(text)
-        if text.action == "page":
+        if text.action == PAGE:
             print(page.write(text.file))
             return 0
+        prepare(text)
         with closing(SerialPort(text.port)) as port, _ended_like_interrupted():
             return carry_out(Client(port), text)
     except ValueError as error:
