@@ -72,6 +72,12 @@ class Path:
         return Path(np.concatenate(vectors), tuple(labels))
 
 
+def _points(vectors: FloatArray, most: int) -> FloatArray:
+    """Points of the lattice of vectors (2, 2) from -most to most multiples of each, the second one varying fastest."""
+    steps = range(-most, most + 1)
+    return np.asarray(np.array([(i, j) for i in steps for j in steps]) @ vectors)
+
+
 def pitch_along_x(a1: Sequence[float], a2: Sequence[float]) -> float | None:
     """Find the distance of neighbouring points of a lattice along x.
 
@@ -86,8 +92,7 @@ def pitch_along_x(a1: Sequence[float], a2: Sequence[float]) -> float | None:
         In that unit; None without a lattice vector along x among multiples of the vectors up to FURTHEST.
     """
     vectors = np.array([a1, a2], dtype=float)
-    steps = range(-FURTHEST, FURTHEST + 1)
-    points = np.array([(i, j) for i in steps for j in steps]) @ vectors
+    points = _points(vectors, FURTHEST)
     near = SAME * float(np.linalg.norm(vectors, axis=1).max())
     ahead = points[(np.abs(points[:, 1]) <= near) & (points[:, 0] > near), 0]
     return float(ahead.min()) if len(ahead) else None
@@ -115,9 +120,7 @@ def rows_along_x(a1: Sequence[float], a2: Sequence[float]) -> tuple[float, float
     pitch = pitch_along_x(a1, a2)
     if pitch is None:
         return None
-    steps = range(-FURTHEST, FURTHEST + 1)
-    points = np.array([(i, j) for i in steps for j in steps]) @ vectors
-    distance = area / pitch
+    points, distance = _points(vectors, FURTHEST), area / pitch
     next_row = points[np.abs(points[:, 1] - distance) <= SAME * size * FURTHEST, 0]
     shift = float(next_row[0] / pitch % 1.0) if len(next_row) else 0.25
     if min(shift, 1.0 - shift) <= SAME * FURTHEST * size / pitch:
@@ -205,8 +208,8 @@ class Lattice:
         """The same lattice with its axes along x and y, and the turn (2, 2) from there; None for one without mirrors."""
         if self._lies_along_x:
             return self, np.eye(2)
-        steps = range(-SHORTEST, SHORTEST + 1)
-        ahead = np.array([(i, j) for i in steps for j in steps if i or j]) @ self.vectors_m
+        ahead = _points(self.vectors_m, SHORTEST)
+        ahead = ahead[np.abs(ahead).max(axis=1) > 0.0]
         best: tuple[tuple[bool, bool, float], Lattice, FloatArray] | None = None
         for x, y in ahead / np.linalg.norm(ahead, axis=1)[:, None]:
             turn = np.array([[x, -y], [y, x]])

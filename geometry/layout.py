@@ -616,22 +616,29 @@ class Design:
         return (*(name for name in shared if name in kept), *(("h",) if self._is_sixfold else ()))
 
     @property
+    def zone_mirrors(self) -> tuple[str, ...]:
+        """Mirrors that may fold the Brillouin zone: in an oblique lattice those of the body, whose cell is never halved."""
+        return self.body_mirrors if self.oblique_m else self.cell_mirrors
+
+    @property
     def body_mirrors(self) -> tuple[str, ...]:
         """Mirrors of the body in a unit cell, whatever its lattice: x, y, d and h; none where nothing is known of it."""
         if self.cell_file or self.attached:
             return ()
         kept = {*self.stack.mirrors} & {*(self.pillar or self.stack).mirrors}
-        sections = self.pillar.sections if self.pillar else ()
-        is_alike = all(each.constants for each in self.materials)
-        shaped = all("h" in section.form.mirrors for section in sections)
-        return (*(name for name in ("x", "y", "d") if name in kept), *(("h",) if is_alike and shaped else ()))
+        return (*(name for name in ("x", "y", "d") if name in kept), *(("h",) if self._has_sixfold_body else ()))
 
     @property
     def _is_sixfold(self) -> bool:
-        """Whether its cell has the mirrors of a triangular lattice: isotropic materials, and sections that have them."""
+        """Whether its cell has the mirrors of a triangular lattice."""
+        return self.lattice.is_triangular and self._has_sixfold_body
+
+    @property
+    def _has_sixfold_body(self) -> bool:
+        """Whether its body has the mirrors of a triangular lattice: isotropic materials, and sections that have them."""
         sections = self.pillar.sections if self.pillar else ()
         shaped = all("h" in section.form.mirrors for section in sections)
-        return shaped and self.lattice.is_triangular and all(each.constants for each in self.materials)
+        return shaped and all(each.constants for each in self.materials)
 
     def column_centres(self, row: int = 0) -> FloatArray:
         """x of the pillars of a row, counted from 0 at the zone, shape (columns,), m: floor((length - footprint)/pitch_x) + 1,

@@ -693,10 +693,8 @@ def _bands(table: BandsTable, design: Design) -> BandsTable:
     if isnan(design.pitch_x_m):
         own = "GXMG"
     else:
-        known = design.body_mirrors if design.oblique_m else design.stack.mirrors
-        own = design.lattice.border(
-            design.cell_mirrors if design.lattice.is_triangular and not design.oblique_m else known
-        )
+        of_pillar = design.lattice.is_triangular or design.oblique_m
+        own = design.lattice.border(design.zone_mirrors if of_pillar else design.stack.mirrors)
     return table.but(path=table.path or own or design.lattice.default_path)
 
 

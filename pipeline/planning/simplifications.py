@@ -77,7 +77,7 @@ def hexahedra(case: Case, part: str) -> Simplification | None:
     if case.solve.mesh == "tet" or from_file:
         return None
     if part == "cell" and design.oblique_m and design.pillar:
-        fit = case.solve.mesh != "tet" and fits(design.oblique_m, design.pillar)
+        fit = fits(design.oblique_m, design.pillar)
         return Simplification("oblique", "CAD and tetrahedra", WHY_CURVED) if fit else None
     shaped = {"zone": False, "pillar": True, "cell": True, "plate": bool(design.rows)}[part]
     if not shaped or all(pillar.is_made_of_boxes for pillar in design.kinds):
@@ -248,7 +248,7 @@ def off_path(design: Design, path: str, grid: int = 0) -> Simplification | None:
     With rare exceptions, band edges lie on this border. The rule does not apply to a cell without mirror planes, to an
     oblique path, to one that misses a side, or if a grid is requested.
     """
-    border = design.lattice.border(design.body_mirrors if design.oblique_m else design.cell_mirrors)
+    border = design.lattice.border(design.zone_mirrors)
     walked, sides = ({frozenset(pair) for pair in pairwise(labels_of(each))} for each in (path, border))
     if grid or not border or not sides <= walked:
         return None

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from geometry.elements import FloatArray
 from geometry.formats.neutral import VOLUME, local_nodes
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.lattice import Lattice
@@ -34,9 +33,8 @@ pitch_mm = 10.0
 points = {points}
 count = {count}
 """
-YOUNG_PA, POISSON, DENSITY_KG_M3 = 70e9, 0.33, 2700.0
+MATERIAL = {"young_pa": 70e9, "poisson": 0.33, "density_kg_m3": 2700.0}
 MOVING_HZ = 1.0  # slower waves are translations, whose frequency is rounding
-DIGITS = 1e-9  # m: one place
 COLUMNS = ("program", "degrees of freedom", "wall time, s", "processor, s", "peak memory, MB")
 
 
@@ -60,45 +58,16 @@ def written(intervals: int, file: Path) -> None:
 
 def by_scikit(intervals: int, points: int, count: int) -> dict[str, Any]:
     """Solve the bands by scikit-fem's matrices with a phase between opposite sides, and by ARPACK at each wavevector."""
-    import scipy.sparse as sp
     import skfem
-    from skfem.helpers import ddot, dot, eye, sym_grad, trace
 
-    from studies.benchmarks.peers.hexahedra import BELOW_HZ, CORNERS, SPARE, nearest
+    from studies.benchmarks.peers.hexahedra import CORNERS, assembled, bloch
 
-    mesh, shear = cell(intervals, 1), YOUNG_PA / 2.0 / (1.0 + POISSON)
-    lame = 2.0 * shear * POISSON / (1.0 - 2.0 * POISSON)
+    mesh = cell(intervals, 1)
     grid = skfem.MeshHex(np.ascontiguousarray(mesh.nodes.T), np.ascontiguousarray(mesh.cells[:, CORNERS].T))
     basis = skfem.Basis(grid, skfem.ElementVector(skfem.ElementHex2()), intorder=4)
-
-    @skfem.BilinearForm
-    def elastic(u, v, w):  # type: ignore[no-untyped-def]
-        strain = sym_grad(u)
-        return ddot(2.0 * shear * strain + lame * eye(trace(strain), 3), sym_grad(v))
-
-    @skfem.BilinearForm
-    def inert(u, v, w):  # type: ignore[no-untyped-def]
-        return DENSITY_KG_M3 * dot(u, v)
-
-    parts = elastic.assemble(basis).tocsc(), inert.assemble(basis).tocsc()
-    component = np.empty(basis.N, dtype=int)
-    for axis in range(3):
-        component[basis.get_dofs(elements=True).all([f"u^{axis + 1}"])] = axis
-    places = basis.doflocs.T.copy()
-    far = places[:, :2] > PITCH_M - DIGITS
-    places[:, :2] -= PITCH_M * far
-    key = np.column_stack([np.round(places / DIGITS).astype(int), component])
-    _, master = np.unique(key, axis=0, return_inverse=True)
-
-    def at(wavevector: FloatArray) -> list[float]:
-        phase = np.exp(1j * PITCH_M * (far @ wavevector))
-        phase = phase.real if np.abs(phase.imag).max() < DIGITS else phase
-        joined = sp.csr_matrix((phase, (np.arange(basis.N), master.ravel())))
-        stiffness, mass = ((joined.conj().T @ part @ joined).tocsc() for part in parts)
-        return sorted(nearest(stiffness, mass, count + SPARE, BELOW_HZ)[0])[:count]
-
+    at, dof = bloch(basis, *assembled(basis, MATERIAL), PITCH_M, count)
     path = Lattice.of_rows(PITCH_M, PITCH_M).path("GXMG", points)
-    return {"frequencies_hz": [at(k) for k in path.wavevectors], "dof": int(master.max()) + 1}
+    return {"frequencies_hz": [at(k) for k in path.wavevectors], "dof": dof}
 
 
 def compared(intervals: int, points: int, count: int) -> tuple[dict[str, tuple[int, Ended]], float]:

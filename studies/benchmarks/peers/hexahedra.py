@@ -9,6 +9,7 @@ import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ def scikit(task: dict[str, Any]) -> dict[str, Any]:
     mesh = mesh_of(task, 1)
     grid = skfem.MeshHex(np.ascontiguousarray(mesh.nodes.T), np.ascontiguousarray(mesh.cells[:, CORNERS].T))
     basis = skfem.Basis(grid, skfem.ElementVector(skfem.ElementHex2()), intorder=5)
-    stiffness, mass = _assembled(basis, task)
+    stiffness, mass = assembled(basis, task)
     if task["part"] == "cell":
         return _bands(basis, stiffness, mass, task, start)
     frequencies_hz, strengths, dofs = [], [], 0
@@ -67,7 +68,8 @@ def scikit(task: dict[str, Any]) -> dict[str, Any]:
     return {"frequencies_hz": frequencies_hz, "dofs": dofs, "strengths": strengths, "seconds": seconds() - start}
 
 
-def _assembled(basis: skfem.Basis, task: dict[str, Any]) -> tuple[sp.csc_matrix, sp.csc_matrix]:
+def assembled(basis: skfem.Basis, task: dict[str, Any]) -> tuple[sp.csc_matrix, sp.csc_matrix]:
+    """Matrices K and M of one material, whose constants the task holds."""
     young, ratio = task["young_pa"], task["poisson"]
     shear, lame = young / 2.0 / (1.0 + ratio), young * ratio / ((1.0 + ratio) * (1.0 - 2.0 * ratio))
 
@@ -111,32 +113,43 @@ def _strengths(basis: skfem.Basis, modes: FloatArray, probe: dict[str, Any]) -> 
     return ((np.array(probe["shape"]) @ across) ** 2).tolist()
 
 
-def _bands(basis: Any, stiffness: Any, mass: Any, task: dict[str, Any], start: float) -> dict[str, Any]:
-    """Bloch's conditions by joining the degrees of freedom of opposite sides, a phase between them."""
+def bloch(
+    basis: Any, stiffness: Any, mass: Any, pitch: float, count: int
+) -> tuple[Callable[[FloatArray], list[float]], int]:
+    """The lowest frequencies of a square cell at a wavevector in rad/m, and its degrees of freedom.
+
+    Bloch's conditions join the degrees of freedom of opposite sides, a phase between them.
+    """
     component = np.empty(basis.N, dtype=int)
     for axis in range(3):
         component[basis.get_dofs(elements=True).all([f"u^{axis + 1}"])] = axis
-    pitch, places = task["pitch_m"], basis.doflocs.T.copy()
-    far = places[:, :2] > pitch / 2.0 - 1e-9
+    places = basis.doflocs.T.copy()
+    far = places[:, :2] > places[:, :2].max(axis=0) - 1e-9
     places[:, :2] -= pitch * far
     key = np.column_stack([np.round(places / 1e-9).astype(int), component])
     _, master = np.unique(key, axis=0, return_inverse=True)
 
-    def at(k: tuple[float, float]) -> list[float]:
-        phase = np.exp(2j * np.pi * (far @ np.array(k)))
+    def at(wavevector: FloatArray) -> list[float]:
+        phase = np.exp(1j * pitch * (far @ wavevector))
         phase = phase.real if np.abs(phase.imag).max() < 1e-9 else phase
         joined = sp.csr_matrix((phase, (np.arange(basis.N), master.ravel())))
         k_r, m_r = ((joined.conj().T @ matrix @ joined).tocsc() for matrix in (stiffness, mass))
-        return sorted(nearest(k_r, m_r, task["count"] + SPARE, BELOW_HZ)[0])[: task["count"]]
+        return sorted(nearest(k_r, m_r, count + SPARE, BELOW_HZ)[0])[:count]
 
+    return at, int(master.max()) + 1
+
+
+def _bands(basis: Any, stiffness: Any, mass: Any, task: dict[str, Any], start: float) -> dict[str, Any]:
+    at, dofs = bloch(basis, stiffness, mass, task["pitch_m"], task["count"])
+    edge = 2.0 * np.pi / task["pitch_m"]
     ready = seconds() - start
-    frequencies_hz = [at(k) for k in task["corners"]]
+    frequencies_hz = [at(edge * np.array(k)) for k in task["corners"]]
     before = seconds()
-    at(task["between"])
+    at(edge * np.array(task["between"]))
     each = seconds() - before
     return {
         "frequencies_hz": frequencies_hz,
-        "dofs": int(master.max()) + 1,
+        "dofs": dofs,
         "seconds": ready + task["wavevectors"] * each,
     }
 
