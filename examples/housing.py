@@ -1,6 +1,6 @@
-"""Write housing.step, the plate of housing.toml: a front panel with rounded corners, a notch and a hole; lengths in mm.
+"""Write housing.step, the plate of 31-housing.toml: a front panel with rounded corners, a notch and a hole; lengths in mm.
 
-Run it in the folder of housing.toml after a change, then `antinode view housing.toml`.
+Run it in the folder of 31-housing.toml after a change, then `antinode view 31-housing.toml`.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ class Crosstalk(
     needs=("patches",),
     drives=True,
     honours=(ZONES,),
-    example="crosstalk examples/two-zones.toml --out crosstalk",
+    example="crosstalk examples/37-two-zones.toml --out crosstalk",
 ):
     """Drive each of several zones on one plate in turn and measure all, in dB ([[zone]] in the case).
 

@@ -219,7 +219,7 @@ class Hybrid(
     Question[HybridResult],
     needs=("patches",),
     drives=True,
-    example="hybrid examples/hybrid-plate.toml --out hybrid",
+    example="hybrid examples/35-hybrid.toml --out hybrid",
 ):
     """Compare rows and patches: confinement by either and by both over frequency, drive voltages, loss by detuning.
 

@@ -196,7 +196,7 @@ class Touch(
     drives=True,
     honours=(LARGER, SUPPORTS),
     at_own_frequencies=True,
-    example="touch examples/touch-plate.toml --out touched",
+    example="touch examples/34-touch.toml --out touched",
 ):
     """Compute detuning (Hz), amplitude, friction and power with a finger on the driven plate (requires [touch]).
 

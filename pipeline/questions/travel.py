@@ -224,7 +224,7 @@ class Travel(
     Question[TravelResult],
     needs=("patches",),
     drives=True,
-    example="travel examples/travelling-plate.toml --out wave",
+    example="travel examples/36-travelling.toml --out wave",
 ):
     """Drive two modes of the zone a quarter period apart: travelling wave (m), its power, six-channel table.
 
@@ -291,7 +291,7 @@ class PlayedTravel(Travel, instead_of="travel", by="board"):
 
     >>> from antinode import load
     >>> from pipeline.questions.travel import PlayedTravel
-    >>> [step.name for step in PlayedTravel().plan(load("examples/travelling-plate.toml").case).steps]
+    >>> [step.name for step in PlayedTravel().plan(load("examples/36-travelling.toml").case).steps]
     ['travelling wave in the zone', 'the six-channel image on the emulated board']
     """
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import io
 import pstats
+import shutil
 import subprocess
 import tarfile
 import tempfile
@@ -35,7 +36,7 @@ TASKS: dict[str, tuple[str, ...]] = {
     "four classes, 30 to 34 kHz": ("modes", CASE, "--band", "30kHz:34kHz"),
     "bands": ("bands", CASE),
     "response": ("response", CASE),
-    "response, nine patches": ("response", "examples/touch-plate.toml", "--band", "30kHz:40kHz"),
+    "response, nine patches": ("response", "examples/34-touch.toml", "--band", "30kHz:40kHz"),
     "main job": ("run", "rows", "--jobs", "2"),
     "grid": ("run", "grid", "--jobs", "2"),
 }
@@ -56,11 +57,12 @@ SHARES = {
 
 @contextmanager
 def checkout(commit: str) -> Iterator[Path]:
-    """The files of a commit in a temporary folder. CalledProcessError outside a repository or without such a commit."""
+    """A commit's files, with the examples of this one; CalledProcessError outside a repository or without such a commit."""
     packed = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True, check=True).stdout
     with tempfile.TemporaryDirectory(prefix="antinode-before-") as folder:
         with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
             archive.extractall(folder, filter="data")
+        shutil.copytree(ROOT / "examples", Path(folder) / "examples", dirs_exist_ok=True)  # theirs may have other names
         yield Path(folder)
 
 

@@ -23,7 +23,7 @@ CHECK_FAILED = 4
 ALLOWED = 1e-9  # relative to the largest figure of the name
 NOT_COMPARED = ("seconds", "version", "kind", "options", "warnings")
 SMALL, ROUGH = "examples/small.toml", "--set solve.accuracy=0.1"
-ZONES, MEASURED = "examples/small-zones.toml", "examples/measured"
+ZONES, MEASURED = "examples/39-rows-between-zones.toml", "examples/measured"
 PATCHED = f"{SMALL} {ROUGH} --set patches.size_mm=[8.0,3.0,0.3]"
 BAND = "--band 33kHz:36kHz"
 FEW = "--evaluations 2 --mac 0.1 --min-frequency 20kHz"
@@ -38,7 +38,7 @@ TASKS = {
     "attenuation": f"attenuation {SMALL} {ROUGH} {BAND} --points 7",
     "broadband": f"broadband {SMALL} {ROUGH} {BAND} --points 7",
     "response": f"response {PATCHED} {BAND} --points 21",
-    "response, measured": f"response {MEASURED}/plate.toml {ROUGH} --points 21 --measured {MEASURED}/sweep.csv "
+    "response, measured": f"response examples/33-measured.toml {ROUGH} --points 21 --measured {MEASURED}/sweep.csv "
     f"--map {MEASURED}/field.csv",
     "tolerance": f"tolerance {PATCHED} {BAND} --set tolerance.height_mm=0.05 --samples 3",
     "touch": f"touch {PATCHED} {BAND} --set touch.radius_mm=5.0 --no-map",

@@ -362,7 +362,7 @@ def test_tables_are_attributes_and_a_missing_or_repeated_one_is_one_line(tmp_pat
     assert plate.zone.nodal_lines == plate.case.design.nodal_lines and plate.array.extension_mm == 5.0
     with pytest.raises(antinode.InputError, match=r"plate: \[zone\]: missing"):
         _ = antinode.Plate(material="steel").zone
-    two = antinode.load(str(SMALL.parent / "two-zones.toml"))
+    two = antinode.load(str(SMALL.parent / "37-two-zones.toml"))
     with pytest.raises(antinode.InputError, match=r"\[zone\]: one of several: to_dict\(\) has them"):
         _ = two.zone
     with pytest.raises(antinode.InputError, match=r"must end in"):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -19,6 +21,11 @@ try:
 finally:
     sys.path.remove(str(ROOT / "docs" / "site"))
 
+CASES = sorted(path for path in (ROOT / "examples").iterdir() if path.suffix in (".toml", ".py"))
+NOT_EXAMPLES = {
+    "small.toml": "the plate of tests and tutorials",
+    "housing.py": "writes housing.step of 31-housing.toml",
+}
 CHECKED = [each for each in pictures.examples() if each.figure is not None]
 SHARPEST = 0.05  # a wider tolerance would let a wrong figure pass
 
@@ -55,6 +62,22 @@ def test_a_figure_off_by_more_than_both_bars_is_seen() -> None:
         assert agrees(figure, {"points": [{"label": "G"}, {"label": "X", "f": [found], "e": [0.002]}]}) is holds
     with pytest.raises(AssertionError, match="no check within"):
         agrees(figure, {"points": [{"label": "X", "f": [100.0], "e": [0.06]}]})
+
+
+def test_every_example_has_a_number_of_its_own_and_forty_lines_at_most() -> None:
+    numbered = [path.name for path in CASES if path.name not in NOT_EXAMPLES]
+    assert all(re.fullmatch(r"\d\d-[a-z0-9]+(-[a-z0-9]+)*\.(toml|py)", name) for name in numbered)
+    assert len({name[:2] for name in numbered}) == len(numbered) >= 20
+    assert {path.name: lines for path in CASES if (lines := len(path.read_text().splitlines())) > 40} == {}
+    assert NOT_EXAMPLES.keys() <= {path.name for path in CASES}
+
+
+def test_no_page_or_source_names_an_example_that_is_not_there() -> None:
+    """Except a misspelt name that a test wants refused, and earlier versions' names in the changelog."""
+    listed = subprocess.run(["git", "grep", "-IhoE", "examples/[A-Za-z0-9_./-]*[a-z0-9]", "--", ":!CHANGELOG.md"],
+                            cwd=ROOT, capture_output=True, text=True, check=True).stdout  # fmt: skip
+    names = set(listed.split()) - {"examples/smal.toml"}
+    assert len(names) > 20 and sorted(name for name in names if not (ROOT / name).exists()) == []
 
 
 def test_some_checked_figures_are_quick() -> None:

@@ -21,7 +21,7 @@ from tests.helpers.coarse_cells import mesh_coarsest
 
 ROOT = Path(__file__).resolve().parents[3]
 FOLDER = ROOT / "examples" / "measured"
-CASE = FOLDER / "plate.toml"
+CASE = FOLDER.parent / "33-measured.toml"
 NOISE = 0.01  # what the shipped files' command adds
 
 
@@ -123,7 +123,7 @@ def test_a_case_may_name_its_measurements(
 ) -> None:
     """As the command line does; a study's record then holds them, and a file's hash is part of what was understood."""
     mesh_coarsest(monkeypatch)
-    named = ["--set", 'measured.sweep="sweep.csv"', "--set", "measured.at_mm=[19.86, 0.16]"]
+    named = ["--set", 'measured.sweep="measured/sweep.csv"', "--set", "measured.at_mm=[19.86, 0.16]"]
     out = tmp_path / "named.json"
     assert main(["response", str(CASE), "--quiet", *named, "--json", str(out)]) == 0
     result = json.loads(out.read_text())["measured"]
@@ -182,8 +182,11 @@ def test_the_figure_is_written_in_both_forms_and_not_empty(compared_coarsely: Pa
         (["--measured", str(FOLDER / "sweep.csv"), "--at", "here"], ["--at", "X,Y"]),
         (["--synthetic-data", "made", "--noise", "2"], ["--noise", "at most 1"]),
         (["--set", 'measured.sweep="none.csv"'], ["measured.sweep", "no such file"]),
-        (["--set", 'measured.sweep="field.csv"'], ["field.csv", "frequency_kHz"]),
-        (["--set", 'measured.map="field.csv"', "--set", "measured.at_mm=[1, 2]"], ["measured.at_mm", "measured.sweep"]),
+        (["--set", 'measured.sweep="measured/field.csv"'], ["field.csv", "frequency_kHz"]),
+        (
+            ["--set", 'measured.map="measured/field.csv"', "--set", "measured.at_mm=[1, 2]"],
+            ["measured.at_mm", "measured.sweep"],
+        ),
     ],
 )
 def test_wrong_input_is_one_line(more: list[str], words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
@@ -211,9 +214,9 @@ def test_a_sweep_of_the_case_s_own_is_told_by_its_keys(tmp_path: Path) -> None:
     far.write_text("frequency_kHz,real,imag\n" + "".join(f"{10 + i},1,0.{i}\n" for i in range(9)))
     case = replace(load_case(CASE), measured=MeasuredFiles(far, None, None))
     with pytest.raises(
-        InputError, match=r"plate.toml: measured.sweep = .*far.csv: .* 29000 to 36000 Hz \(solve.band_kHz\)"
+        InputError, match=r"33-measured.toml: measured.sweep = .*far.csv: .* 29000 to 36000 Hz \(solve.band_kHz\)"
     ):
         read(case, None, None, None)
     aside = replace(case, measured=MeasuredFiles(FOLDER / "sweep.csv", None, (0.3, 0.0)))
-    with pytest.raises(InputError, match=r"plate.toml: measured.at_mm = '300.0,0.0': must be"):
+    with pytest.raises(InputError, match=r"33-measured.toml: measured.at_mm = '300.0,0.0': must be"):
         read(aside, None, None, None)

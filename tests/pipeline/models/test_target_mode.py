@@ -79,7 +79,7 @@ def test_a_window_that_does_not_reach_the_target_mode_says_so() -> None:
 
 def test_a_plate_without_the_target_shape_has_no_target_mode(capsys: pytest.CaptureFixture[str]) -> None:
     """The zone alone, free at its long sides: nothing there is half a sine across it."""
-    text = document("modes", str(ROOT / "examples" / "zone.toml"), capsys=capsys)
+    text = document("modes", str(ROOT / "examples" / "06-zone.toml"), capsys=capsys)
     assert text["target"]["status"] == "none" and text["target"]["frequency_hz"] is None
     assert text["target"]["confinement_db"] is None and text["error_bar"] is None
 
@@ -112,7 +112,7 @@ def test_another_symmetry_class_has_no_target_mode(capsys: pytest.CaptureFixture
 def test_a_mode_table_of_another_mode_is_refused_unless_forced(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    plate = [str(ROOT / "examples" / "zone.toml"), "-o", str(tmp_path / "t.bin"), "--quiet"]
+    plate = [str(ROOT / "examples" / "06-zone.toml"), "-o", str(tmp_path / "t.bin"), "--quiet"]
     assert main(["export", "table", *plate]) == 2
     said = capsys.readouterr().err.strip().splitlines()
     assert len(said) == 1 and "No mode between" in said[0] and "--force" in said[0]

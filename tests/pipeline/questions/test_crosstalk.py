@@ -356,7 +356,7 @@ def test_zones_that_cannot_be_are_one_line(zone: Any, said: str) -> None:
 
 
 def test_commands_of_one_zone_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = Path(__file__).resolve().parents[3] / "examples" / "two-zones.toml"
+    file = Path(__file__).resolve().parents[3] / "examples" / "37-two-zones.toml"
     for command in ("modes", "response", "hybrid", "travel", "broadband"):
         assert main([command, str(file), "--quiet"]) == 2
         (line,) = capsys.readouterr().err.splitlines()

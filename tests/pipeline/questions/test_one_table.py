@@ -38,7 +38,7 @@ ASKED: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {  # case, its ov
         {"band_kHz": (30.0, 40.0), "samples": 2},
     ),
     "drift": (SMALL, {"accuracy": 0.1}, {"points": 3}),
-    "crosstalk": ("examples/small-zones.toml", {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
+    "crosstalk": ("examples/39-rows-between-zones.toml", {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
     "hybrid": (
         SMALL,
         {"accuracy": 0.1, **SHORT, "patches__size_mm": [4.0, 3.0, 0.3]},

@@ -170,7 +170,7 @@ REFUSED = {  # keys of what stands on a plate, or how it is held against it: wha
 def test_a_key_beyond_the_thesis_varies_the_design(key: str) -> None:
     """Both ends are designs of their own, and the file's value where it has one lies between them."""
     fixed, ends = CHANGES[key]
-    raw = CASE if not fixed or not fixed[0].startswith("zone") else str(ROOT / "examples" / "two-zones.toml")
+    raw = CASE if not fixed or not fixed[0].startswith("zone") else str(ROOT / "examples" / "37-two-zones.toml")
     fixed = (*fixed, "patches.centres_mm=[[0.0,0.0]]", "patches.sensors=[]") if raw == CASE else fixed
     space = read_space(raw, fixed, [f"{key}={ends}"])
     low, high = (space.values([share] * len(space.variables)) for share in (0.0, 1.0))

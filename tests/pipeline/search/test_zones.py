@@ -36,7 +36,7 @@ RAW = {
 }
 MIN_DB = 15.0
 LIMITS = Limits(mac=0.5, isolation_db=MIN_DB)
-FILE = Path(__file__).resolve().parents[3] / "examples" / "two-zones.toml"
+FILE = Path(__file__).resolve().parents[3] / "examples" / "37-two-zones.toml"
 
 
 def space_of_rows(*more: str) -> Space:
