@@ -344,7 +344,7 @@ function drawCloud() {
 }
 
 function drawPins() {
-  const heads = ["", ...Object.values(state.limits).map((limit) => limit.word), "Target", "Confinement", "Widest gap"];
+  const heads = ["Design", ...Object.values(state.limits).map((limit) => limit.word), "Target", "Confinement", "Widest gap"];
   const row = (tag, texts) => {
     const tr = document.createElement("tr");
     tr.append(...texts.map((text) => text instanceof Node ? text : Object.assign(document.createElement(tag), { textContent: text })));
