@@ -20,7 +20,7 @@ from pipeline.logs import Log
 from pipeline.models import own_frequency, parts
 from pipeline.models.answer_parts import CountRecord, TargetRecord
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
-from pipeline.models.target import ModeRow, Target, look, look_about, look_among, mode_rows, verdict_text
+from pipeline.models.target import ModeRow, Target, joined, look, look_about, look_among, mode_rows, verdict_text
 from pipeline.planning import refinement, resource_estimate, simplifications
 from pipeline.planning.model_choice import (
     DEFAULT_COUNT,
@@ -74,6 +74,8 @@ __all__ = ["DEFAULT_COUNT", "Expected", "PartModes", "Request", "solve_modes", "
 TUNINGS = 6  # most solutions for moduli that depend on the frequency
 DEEPER = 3  # most refinements of a reduction: all but the first raise the degree through the thickness
 PASSES = 4  # most times that a part is meshed or reduced again for the frequencies found
+# a band of a body meshed whole is searched beyond its end by this multiple of its modes' relative correction, which is limited
+BEYOND_END, LARGEST = 1.5, 1.0 / 3.0
 
 
 @dataclass(frozen=True)
@@ -237,7 +239,6 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
         )
         warn(estimate.total, case, log)
     expected = refinement.log_mesh_error(choice, case, log, _by_the_mesh(part_modes, part_modes.all_rows(query.search)))
-    _say_what_may_lie_below_the_end(part_modes, query, log)
     return replace(
         with_quality(case, _with_level_bars(case, _with_errors(part_modes))),
         reduction_error=estimate.worst if estimate else None,
@@ -313,16 +314,26 @@ def _with_both(part_modes: PartModes) -> PartModes:
     return part_modes.each(with_both)
 
 
-def _say_what_may_lie_below_the_end(part_modes: PartModes, query: Request, log: Log) -> None:
-    """Log how far below the end of a band a mode may lie that the mesh of a whole body puts above it."""
-    if query.band_hz is None or isinstance(part_modes.model, PlateModel) or not part_modes.rows:
-        return
-    taken = max(1.0 - row.frequency_hz / row.computed_hz if row.computed_hz else 0.0 for row in part_modes.rows)
-    if taken > 0.0:
-        log.info(
-            f"band: those of the mesh, up to {percent(taken)} above the modes: a mode as close below its upper end may be "
-            "missing, and a wider band shows it"
-        )
+def _cut(part_modes: PartModes, band_hz: tuple[float, float] | None) -> PartModes:
+    """Leave out the modes of a body meshed whole that their correction takes out of a band, on both sides of the count."""
+    if band_hz is None or isinstance(part_modes.model, PlateModel):
+        return part_modes
+    rows, count = _inside(part_modes.rows, part_modes.count, band_hz, lambda row: row.frequency_hz)
+    nearest = part_modes.nearest_hz
+    if part_modes.rows and not rows:
+        middle = sum(band_hz) / 2.0
+        nearest = min((row.frequency_hz for row in part_modes.rows), key=lambda tone: abs(tone - middle))
+    return replace(part_modes, rows=rows, count=count, nearest_hz=nearest)
+
+
+def _inside(
+    rows: tuple[ModeRow, ...], count: Count, band_hz: tuple[float, float], corrected: Callable[[ModeRow], float]
+) -> tuple[tuple[ModeRow, ...], Count]:
+    """Modes whose corrected frequency lies in a band, and the count without the others."""
+    low, high = band_hz
+    inside = tuple(row for row in rows if low <= corrected(row) <= high)
+    out = len(rows) - len(inside)
+    return inside, replace(count, high_hz=high, expected=count.expected - out, found=count.found - out)
 
 
 def _with_errors(part_modes: PartModes) -> PartModes:
@@ -482,11 +493,11 @@ def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: C
     demand = resource_estimate.of_modes(case, choice, with_search(case, query))
 
     def solved(symmetry: str | None, count: int | None = query.count) -> _Class:
-        one = _Class(case, query.part, model, symmetry, log)
+        one = _Class(case, query.part, model, symmetry, log, coarser)
         one.ask(replace(query, count=count))
         if symmetry in (None, target_symmetry(case.design.nodal_lines)):
             one.target = _target(case, query, one)
-        one.errors = one.estimated(coarser)
+        one.errors = one.estimated()
         if query.band_hz:
             one.more_below(one.count.high_hz)  # in parallel with the other classes
         one.let_go()
@@ -515,14 +526,23 @@ def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: C
         nearest_hz=_nearest_hz(query, classes),
         errors={one.symmetry: one.errors for one in each if one.errors},
     )
-    return _with_both(part_modes)
+    return _cut(_with_both(part_modes), query.band_hz)
 
 
 class _Class:
     """One symmetry class of a model: its pencil and the modes solved so far, as columns of `vectors`."""
 
-    def __init__(self, case: Case, part: str, model: PartModel, symmetry: str | None, log: Log) -> None:
+    def __init__(
+        self,
+        case: Case,
+        part: str,
+        model: PartModel,
+        symmetry: str | None,
+        log: Log,
+        coarser: MeshErrorSource | None = None,
+    ) -> None:
         self.case, self.part, self.model, self.symmetry, self.log = case, part, model, symmetry, log
+        self.coarser = coarser
         self.pencil: PlainPencil
         self.dof = 0
         self.vectors: FloatArray
@@ -548,21 +568,54 @@ class _Class:
             if not self.rows and query.band_hz:
                 near = modes_near(self.pencil, sum(query.band_hz) / 2.0, 1, self.shared)
                 self.nearest_hz = float(near.frequency_hz[0]) if len(near.frequency_hz) else None
+        if query.band_hz and self.coarser:
+            self._complete(query.band_hz[1])
         self.log.info(f"{name}: {self.dof} degrees of freedom, {several(len(self.rows), 'mode')}")
 
-    def estimated(self, coarser: MeshErrorSource | None) -> ModeErrors | None:
+    def _complete(self, high_hz: float) -> None:
+        """Solve beyond the end of a band what the mesh of a whole body puts above it, and its correction may not.
+
+        The correction of the modes below the end, or of the nearest one, is an estimate for those above it.
+        """
+        while True:
+            self.errors = self.estimated()
+            taken = max(map(self.taken, self.rows)) if self.rows else self._nearest_taken(high_hz)
+            taken = min(taken, LARGEST)
+            if taken <= 0.0 or high_hz <= self.count.high_hz * (1.0 - taken):
+                return
+            end = high_hz / (1.0 - BEYOND_END * taken)
+            with self.log.step(f"modes that the mesh puts above the band, up to {khz(round(end))}"):
+                solution = modes_in_band(self.pencil, self.count.high_hz, end, self.shared)
+                self.rows, self.count = (*self.rows, *self._kept(solution)), joined(self.count, solution.count)
+
+    def taken(self, row: ModeRow) -> float:
+        """Relative correction of a mode's frequency on the mesh of a whole body, downwards."""
+        return float(self.errors.taken[row.column]) if self.errors else 0.0
+
+    def _nearest_taken(self, near_hz: float) -> float:
+        """Relative correction of the mode nearest to a frequency, which is not kept."""
+        near = modes_near(self.pencil, near_hz, 1, self.shared)
+        return float(self._of_mesh(near.vectors, near.frequency_hz)[0].max(initial=0.0))
+
+    def estimated(self) -> ModeErrors | None:
         """Estimate the errors of the modes from a plate's cells or from a mesh error source; None without one."""
         if isinstance(self.model, PlateModel):
             return mode_errors(self.model.assembled(self.symmetry), self.pencil, self.vectors)
-        if coarser is None:
+        if self.errors and len(self.errors.taken) == self.vectors.shape[1]:
+            return self.errors
+        if self.coarser is None:
             return None
-        assert isinstance(self.pencil, Pencil)
         none = np.zeros(self.vectors.shape[1])
-        if not len(none):
-            return ModeErrors(none, none, none, none, none)
         with self.log.step(f"discretisation error, class {self.symmetry or 'whole'}"):
-            values = np.array([self.pencil.scale.eigenvalue(tone) for tone in self.tones])
-            return ModeErrors(none, none, none, *coarser.errors(self.symmetry, self.pencil, self.vectors, values))
+            return ModeErrors(none, none, none, *self._of_mesh(self.vectors, self.tones))
+
+    def _of_mesh(self, vectors: FloatArray, tones: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Relative correction and error bar (half-width) of modes of a body meshed whole."""
+        assert self.coarser and isinstance(self.pencil, Pencil)
+        if not len(tones):
+            return np.empty(0), np.empty(0)
+        values = np.array([self.pencil.scale.eigenvalue(tone) for tone in tones])
+        return self.coarser.errors(self.symmetry, self.pencil, vectors, values)
 
     def more_below(self, edge_hz: float) -> int | None:
         """Upper bound on the modes below a frequency that the reduced plate lacks; None without a bound."""
@@ -620,7 +673,11 @@ def _target(case: Case, query: Request, one: _Class) -> Target | None:
     if query.expected:
         return look_about(query.expected, one.count, one.rows, one.between)
     if not query.search:
-        return look_among(one.rows, one.count)
+        if query.band_hz is None or not one.errors:
+            return look_among(one.rows, one.count)
+        return look_among(
+            *_inside(one.rows, one.count, query.band_hz, lambda row: row.frequency_hz * (1.0 - one.taken(row)))
+        )
     bound = one.largest_outside if isinstance(one.model, PlateModel) else None
     return look(window, one.count, one.rows, one.between, bound)
 
@@ -757,7 +814,7 @@ def without_supports(case: Case, request: Request, solved: PartModes, log: Log) 
         one = _Class(free, "plate", model, symmetry, log)
         one.ask(query)
         target = _target(free, query, one)
-        errors = one.estimated(None)
+        errors = one.estimated()
     part_modes = PartModes(
         "plate", model, one.rows, {symmetry: one.vectors}, one.dof, one.rigid_count, one.count, [],
         target=target, errors={symmetry: errors} if errors else None,

@@ -202,14 +202,15 @@ def _completed(
     """Return the rows and their count over the known interval and the window together."""
     if ends[0] < known.low_hz:
         more, count = solve(ends[0], known.low_hz)
-        rows, known = (*more, *rows), _joined(count, known)
+        rows, known = (*more, *rows), joined(count, known)
     if ends[1] > known.high_hz:
         more, count = solve(known.high_hz, ends[1])
-        rows, known = (*rows, *more), _joined(known, count)
+        rows, known = (*rows, *more), joined(known, count)
     return rows, known
 
 
-def _joined(low: Count, high: Count) -> Count:
+def joined(low: Count, high: Count) -> Count:
+    """Count over two intervals, of which the second begins where the first ends."""
     return Count(low.low_hz, high.high_hz, low.expected + high.expected, low.found + high.found, low.below)
 
 

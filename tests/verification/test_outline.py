@@ -132,6 +132,22 @@ def test_a_ring_has_the_frequencies_of_ritzs_method(tmp_path: Path) -> None:
         assert row.frequency_hz == pytest.approx(tone, rel=row.error)
 
 
+@pytest.mark.slow
+def test_a_band_holds_the_modes_between_its_ends_once_they_are_corrected(tmp_path: Path) -> None:
+    """Of the ring on coarse elements, both ends between the frequency on the mesh and the corrected one."""
+    written(disc(12.0, 4.0, 1.2), tmp_path)
+    zone = {"length_mm": 4.0, "width_mm": 3.0, "nodal_lines": 0, "centre_mm": [0.0, 8.0]}
+    raw = raw_case(zone=zone, array={"rows": 0}, solve={"accuracy": 0.05})
+    every = solved(raw, tmp_path, band_hz=(1e3, 50e3)).rows
+    low, high = ((row.frequency_hz + (row.computed_hz or 0.0)) / 2.0 for row in (every[1], every[4]))
+    ours = solved(raw, tmp_path, band_hz=(low, high))
+    inside = [row.frequency_hz for row in every if low < row.frequency_hz < high]
+    assert every[4].frequency_hz in inside and every[1].frequency_hz not in inside and len(inside) < len(every)
+    for row, tone in zip(ours.rows, inside, strict=True):  # on another mesh: the mesher's are never the same
+        assert row.error is not None and row.frequency_hz == pytest.approx(tone, rel=row.error)
+    assert len(inside) == ours.count.expected == ours.count.found and ours.count.high_hz == high
+
+
 # -- a rectangle -----------------------------------------------------------------------------------------------------------
 
 SMALL: dict[str, Any] = {
