@@ -224,8 +224,10 @@ class Lattice:
 
     @property
     def is_triangular(self) -> bool:
-        """Whether every point has six nearest neighbours."""
+        """Whether every point has six nearest neighbours; without pitches none has."""
         length, other = np.linalg.norm(self.vectors_m, axis=1)
+        if not np.isfinite(length):
+            return False
         across = abs(self.vectors_m[0] @ self.vectors_m[1])
         return bool(np.allclose([other, across / length], [length, HALF * length], rtol=SAME, atol=SAME * length))
 

@@ -6,6 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import pi
 
+import numpy as np
+
+from geometry.elements import FloatArray
+
 EDGES = ("x-", "x+", "y-", "y+")
 KINDS = ("clamp", "simple", "foam", "spring", "mass")
 NEAR_M = 1e-9  # supports that agree to a nanometre are each other's image
@@ -62,6 +66,11 @@ class Support:
         return self.mass_kg > 0.0 and self.stiffness_n_m > 0.0
 
     @property
+    def box_m(self) -> FloatArray:
+        """The square around its disc, x0, x1, y0, y1 in m."""
+        return np.array([end for place in self.at_m for end in (place - self.radius_m, place + self.radius_m)])
+
+    @property
     def area_m2(self) -> float:
         """Area of the disc, m2."""
         return pi * self.radius_m**2
@@ -80,6 +89,22 @@ class Support:
         """Everything about it, its place rounded to NEAR_M."""
         place = tuple(round(each / NEAR_M) for each in (*self.at_m, self.radius_m))
         return (self.kind, self.edge, *place, self.stiffness_n_m, self.bedding_n_m2, self.damping_n_s_m, self.mass_kg)
+
+
+def is_held_disc(support: Support) -> bool:
+    """Whether a support is a disc that cannot move along some axis.
+
+    Parameters
+    ----------
+    support : Support
+        Any.
+
+    Returns
+    -------
+    bool
+        True for a screw or a sliding post.
+    """
+    return not support.edge and bool(support.held_axes)
 
 
 def has_dampers(supports: Iterable[Support]) -> bool:

@@ -18,10 +18,11 @@ from geometry.hex.boxes import Boxes, hex_mesh, interpolation, part_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, region_materials
 from geometry.mesh import AnyMesh, Mesh, check_mesh
+from geometry.supports import is_held_disc
 from geometry.tiling import Panel
 from pipeline.case.model import Case
 from pipeline.logs import Log, TerminalLog
-from pipeline.models.cell_cache import CellCache
+from pipeline.models.cell_cache import CellCache, MatrixCache
 from pipeline.planning import resource_estimate, simplifications
 from pipeline.planning.model_choice import SOLID, ModelChoice, Request, model_choice_of
 from pipeline.records import store
@@ -198,6 +199,7 @@ def _assembled(design: Design, choice: ModelChoice, log: Log, lossy: bool, parte
         *panel_mesher(design, choice, log),
         lossy=lossy,
         parted=parted,
+        matrices=MatrixCache(),
     )
     with log.step("reduce cells"):
         model = PlateModel(design, reductions, resource_estimate.of_panels(design, choice, choice.reduction))
@@ -205,6 +207,9 @@ def _assembled(design: Design, choice: ModelChoice, log: Log, lossy: bool, parte
         f"{len(model.tiling.x) - 1} x {len(model.tiling.y) - 1} panels, {len(model.cells)} distinct: "
         f"{reductions.fresh} reduced, {reductions.reused} loaded from the cache"
     )
+    if any(is_held_disc(each) for each in design.supports):
+        with log.step("stiffness of the held discs"):
+            model.assembled(model.symmetries[0])  # the classes of one numbering share it
     return model
 
 

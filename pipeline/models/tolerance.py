@@ -12,7 +12,7 @@ from pipeline.case.schema import ToleranceTable
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.answer_parts import SampleRecord
-from pipeline.models.cell_cache import CellCache, ParametricCellCache
+from pipeline.models.cell_cache import CellCache, MatrixCache, ParametricCellCache
 from pipeline.models.forced import AROUND_PEAK, DECAYED, driven, refuse_patches
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SUPERELEMENT, ModelChoice
@@ -135,6 +135,7 @@ def _varied(case: Case, given: ToleranceTable, choice: ModelChoice, band: tuple[
         CellCache(),
         reach=deviations_of(given).reach,
         parametric_cache=ParametricCellCache(),
+        matrices=MatrixCache(),
     )
     with log.step("reduce cells and their changes"):
         model = PlateModel(design, reductions)

@@ -8,9 +8,22 @@ from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from math import ceil, floor
 
-from geometry.hex.panels import panel_mesh, square_of
-from geometry.hex.scenes import BoxCounts, HexSettings, Scene, box_counts, cell_scene, panel_scene, part_scene
+import numpy as np
+
+from geometry.hex.panels import disc_mesh, panel_mesh, square_of
+from geometry.hex.scenes import (
+    BoxCounts,
+    HexSettings,
+    Scene,
+    bonded_scene,
+    box_counts,
+    cell_scene,
+    panel_scene,
+    part_scene,
+)
 from geometry.layout import Design
+from geometry.materials import Stack
+from geometry.supports import Support, is_held_disc
 from geometry.tiling import Panel, Tiling, grid, tile
 from pipeline.case.model import Case
 from pipeline.logs import Log
@@ -25,6 +38,7 @@ from solvers.fem.cost import (
     MeshCounts,
     Stage,
     assembly,
+    factorisation,
     grid_fill,
     modal_solve,
     nodal,
@@ -54,6 +68,8 @@ COLUMN_SOLVES, SWEEP = 2.0, 8.0  # solves per boundary function, and operations 
 # times the work on a panel's own mesh: includes the meshes of one order less and without the innermost layer
 NESTED = 1.4
 ALIKE = 1.8  # equivalent number of classes instead of four: one is a rotated copy, two split into halves
+# times the work on the finest mesh about a held disc: includes the coarser one; share of the panels' functions that move it
+COARSER, MOVING = 1.3, 0.3
 JOINING_BYTES = 45.0  # per entry of a panel's matrices while they are summed
 PANEL_OPERATIONS = 2e6  # equivalent of numbering the degrees of freedom in one panel
 TETRAHEDRA = 10.0  # times volume over edge cubed, graded edges included
@@ -328,6 +344,8 @@ def _assembled(
     joining = Stage("joining the panels", JOINING_BYTES * own.summed)
     solve = modal_solve(own.dofs, own.entries, own.fill, modes, near)
     cost = reducing.then(Cost((joining,), classes * PANEL_OPERATIONS * own.panels), kept)
+    for holding, held_bytes in _held_discs(own):
+        cost, kept = cost.then(holding, kept), kept + held_bytes
     kept_bytes = kept + 3.0 * 12.0 * own.entries + (classes - 1) * 8.0 * own.dofs * modes
     for _ in range(classes):
         cost = cost.then(solve, kept_bytes)
@@ -340,6 +358,44 @@ def _assembled(
         choice.kind != HEX,
         _parallel_bytes(classes, solve),
     )
+
+
+def _held_discs(own: AssembledClass) -> Iterator[tuple[Cost, float]]:
+    """Cost of the static solves about each held disc that is no other's image, and bytes of what they add to the plate."""
+    if not any(map(is_held_disc, own.design.supports)):
+        return
+    from solvers.plates.held import disc_settings, distinct  # slow to import, and of no use to other plates
+    from solvers.superelement.bond import between
+
+    tiling, design, face = own.tiling, own.design, own.reduction.interface
+    for disc, _ in distinct(design.supports, not own.quarter):
+        box = disc.box_m.reshape(2, 2)
+        (left, right), (low, high) = (
+            between(lines, ends, design.thickness_m) for lines, ends in zip((tiling.x, tiling.y), box, strict=True)
+        )
+        x, y = tiling.x[left : right + 2], tiling.y[low : high + 2]
+        settings = disc_settings(own.reduction, max(float(np.diff(line).max()) for line in (x, y)))
+        mesh = _of_disc(Panel((x[0], y[0]), (x[-1], y[-1]), disc.at_m), disc, design.stack, settings)
+        nx, ny = len(x) - 1, len(y) - 1
+        sides = nx * (ny + 1) + ny * (nx + 1)
+        felt = (nx + 1) * (ny + 1) * face.vertex_block + sides * face.side_block + nx * ny * own.bare_modes
+        loads = MOVING * felt
+        answers = Stage("solving about a held disc", 16.0 * loads * mesh.dofs)
+        solve = factorisation(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, 1.0)
+        solve = solve.then(Cost((answers,), 8.0 * mesh.fill.entries * loads), 15.0 * mesh.fill.entries)
+        whole = assembly(mesh).then(solve, mesh.mesh_bytes + 3.0 * 9.0 * 12.0 * mesh.pairs)
+        yield replace(whole, operations=COARSER * whole.operations), 16.0 * felt**2
+
+
+def _of_disc(panel: Panel, disc: Support, stack: Stack, settings: HexSettings) -> MeshCounts:
+    """Counts of the panels about a disc: those of a square one, scaled by its nodes where they are quickly counted."""
+    ends = np.array([panel.low, panel.high]).T.ravel()
+    mesh = of_boxes(bonded_scene(ends, stack, (), disc.box_m, True, settings), settings.order)
+    if mesh.elements > MESHED:
+        return mesh
+    own = len(disc_mesh(panel, stack, disc.radius_m, settings).nodes) / mesh.nodes
+    fill = Fill(*(own ** (4.0 / 3.0) * part for part in astuple(mesh.fill)))
+    return MeshCounts(own * mesh.elements, mesh.corners, own * mesh.nodes, own * mesh.pairs, fill)
 
 
 def _parallel_bytes(classes: int, solve: Cost) -> float:

@@ -76,6 +76,16 @@ class Reductions:
     parted: bool = False
     fresh: int = 0
     reused: int = 0
+    matrices: Cache[FloatArray] | None = None  # of symmetric ones, by their key
+
+    def kept(self, key: str, computed: Callable[[], FloatArray]) -> FloatArray:
+        """A symmetric matrix from the cache, or computed and kept there."""
+        matrix = self.matrices.get(key) if self.matrices else None
+        if matrix is None:
+            matrix = computed()
+            if self.matrices:
+                self.matrices.put(key, matrix)
+        return matrix
 
     def cell(self, panel: Panel) -> Cell:
         """The reduced cell of a panel."""

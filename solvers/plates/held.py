@@ -13,19 +13,20 @@ A_ii.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import hashlib
+from collections.abc import Callable, Iterable, Iterator
 from math import ceil
 from typing import Protocol
 
 import numpy as np
 from scipy.linalg import eigh
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.hex.panels import disc_mesh
 from geometry.hex.scenes import HexSettings
 from geometry.materials import Material, Stack
 from geometry.mesh import Mesh
-from geometry.supports import Support
+from geometry.supports import Support, is_held_disc
 from geometry.tiling import Panel
 from solvers.accuracy.mesh import held_shares
 from solvers.fem.assembly import System
@@ -44,7 +45,7 @@ YIELD = 1e-6  # least part of a motion's stiffness that is left once its disc is
 
 
 class Panelled(Protocol):
-    """Reductions of a plate's panels: its layers, materials and elements, and the matrices of a mesh."""
+    """Reductions of a plate's panels: its layers and materials, the matrices of a mesh, and symmetric ones kept by a key."""
 
     stack: Stack
     reduction: ReductionSettings
@@ -54,12 +55,12 @@ class Panelled(Protocol):
         """The materials of plate and pillar, each once."""
         ...
 
-    def settings(self, panel: Panel) -> HexSettings:
-        """Elements of a panel."""
-        ...
-
     def system(self, mesh: Mesh) -> System:
         """Matrices of a mesh."""
+        ...
+
+    def kept(self, key: str, computed: Callable[[], FloatArray]) -> FloatArray:
+        """A symmetric matrix from a cache, or computed and kept there."""
         ...
 
 
@@ -78,23 +79,40 @@ def holds_of(plate: AssembledPlate, reductions: Panelled) -> list[Hold]:
     list of Hold
         One for each disc that is no other's mirror image, in the numbers of the plate's grid.
     """
-    return [_hold(plate, reductions, *each) for each in _distinct(plate)]
+    discs = distinct(plate.tiling.supports, plate.symmetry == WHOLE)
+    return [_hold(plate, reductions, *each) for each in discs]
 
 
-def _distinct(plate: AssembledPlate) -> Iterator[tuple[Support, int]]:
-    """The held discs that are no other's image, and how many images each has, itself included."""
-    discs = [each for each in plate.tiling.supports if each.held_axes and not each.edge]
-    for each in discs:
-        if plate.symmetry == WHOLE:
+def distinct(supports: Iterable[Support], whole: bool) -> Iterator[tuple[Support, int]]:
+    """Choose the held discs that are no other's mirror image.
+
+    Parameters
+    ----------
+    supports : iterable of Support
+        Those of a plate.
+    whole : bool
+        Whether the plate is solved whole, where every disc counts.
+
+    Yields
+    ------
+    support : Support
+        A held disc.
+    count : int
+        How many images it has, itself included.
+    """
+    for each in filter(is_held_disc, supports):
+        if whole:
             yield each, 1
         elif min(each.at_m) >= -SAME_M:
             yield each, 2 ** sum(place > SAME_M for place in each.at_m)
 
 
 def _hold(plate: AssembledPlate, reductions: Panelled, disc: Support, count: int) -> Hold:
-    box = np.array([end for place in disc.at_m for end in (place - disc.radius_m, place + disc.radius_m)])
-    panels = Panels.beneath(plate.grid, box, REACH * reductions.stack.thickness_m)
-    joined, settings = JoinedPanels(panels, plate), _settings(panels, reductions)
+    panels = Panels.beneath(plate.grid, disc.box_m, REACH * reductions.stack.thickness_m)
+    tiling = plate.grid.tiling
+    spans = zip((tiling.x, tiling.y), (panels.columns, panels.rows), strict=True)
+    longest = max(float(np.diff(lines[first : last + 2]).max()) for lines, (first, last) in spans)
+    joined, settings = JoinedPanels(panels, plate), disc_settings(reductions.reduction, longest)
     own, layer = (_felt(joined, _answer(joined, disc, reductions, each)) for each in (settings, settings.coarser))
     material = reductions.stack.back
     shares, number = held_shares(material, settings), reductions.materials.index(material)
@@ -102,19 +120,31 @@ def _hold(plate: AssembledPlate, reductions: Panelled, disc: Support, count: int
     return Hold(joined.numbers, own, layer - own, missed, count, number, material.loss_factor or 0.0)
 
 
-def _settings(panels: Panels, reductions: Panelled) -> HexSettings:
-    """Elements no longer than those of the reduced panels, graded to the rim."""
-    tiling, along = panels.grid.tiling, ceil(reductions.reduction.interface.along / (ORDER - 1))
-    longest = max(
-        float(np.diff(lines[first : last + 2]).max())
-        for lines, (first, last) in ((tiling.x, panels.columns), (tiling.y, panels.rows))
-    )
-    size = reductions.settings(Panel((0.0, 0.0), (longest, longest))).size_m
-    return HexSettings(ORDER, min(size, longest / along), LAYERS, FACTOR)
+def disc_settings(reduction: ReductionSettings, longest_m: float) -> HexSettings:
+    """Choose elements no longer than those of the reduced panels about a disc, graded to its rim.
+
+    Parameters
+    ----------
+    reduction : ReductionSettings
+        That of the panels.
+    longest_m : float
+        Longest side of a panel in m.
+
+    Returns
+    -------
+    HexSettings
+        Order, size and grading.
+    """
+    size = reduction.bare_size_m or reduction.hexahedra.size_m
+    along = ceil(reduction.interface.along / (ORDER - 1))
+    return HexSettings(ORDER, min(size, longest_m / along), LAYERS, FACTOR)
 
 
 def _answer(joined: JoinedPanels, disc: Support, reductions: Panelled, settings: HexSettings) -> FloatArray:
-    """A, (n, n): the fine mesh's energy where the disc alone moves, as the reduced panels move it."""
+    """A, (n, n): the fine mesh's energy where the disc alone moves, as the reduced panels move it.
+
+    It is kept by what it is made of, the panels' own motion included: panels that are reduced again may change its sign.
+    """
     panels, axes = joined.panels, np.array([AXES.index(axis) for axis in disc.held_axes])
     span, middle = panels.span_m, panels.middle_m
     at = np.array(disc.at_m) - middle
@@ -124,19 +154,32 @@ def _answer(joined: JoinedPanels, disc: Support, reductions: Panelled, settings:
     contact = Contact(mesh.nodes[nodes, :2] + middle, np.eye(len(nodes)), True)
     rows = (3 * np.arange(len(nodes))[:, None] + axes).ravel()
     moved, unit = joined.motion(contact)[rows], 1.0 / np.sqrt(np.maximum(np.diag(joined.stiffness), 1e-300))
-    left, size, right = np.linalg.svd(moved * unit, full_matrices=False)
-    kept = size > RANK * size[0]
-    motions, weights = left[:, kept], (size[kept, None] * right[kept]) / unit
-    system = reductions.system(mesh)
-    free = free_mask(mesh, panels.clamped)
-    held = np.zeros_like(free)
-    held[np.ix_(nodes, axes)] = True
-    pencil, rows = constrain(system, free & ~held), (3 * nodes[:, None] + axes).ravel()
+
+    def energy() -> FloatArray:
+        left, size, right = np.linalg.svd(moved * unit, full_matrices=False)
+        kept = size > RANK * size[0]
+        motions, weights = left[:, kept], (size[kept, None] * right[kept]) / unit
+        stiff = _stiffness(reductions.system(mesh), free_mask(mesh, panels.clamped), (nodes, axes), motions)
+        whole = weights.T @ stiff @ weights
+        return np.asarray((whole + whole.T) / 2.0)
+
+    made_of = hashlib.sha256(repr((mesh.sha256, reductions.stack, disc.held_axes, panels.clamped)).encode())
+    for part in (moved, unit):
+        made_of.update(part.tobytes())
+    return reductions.kept(made_of.hexdigest(), energy)
+
+
+def _stiffness(system: System, free: BoolArray, held: tuple[IntArray, IntArray], motions: FloatArray) -> FloatArray:
+    """Stiffness (k, k) of motions of held nodes along some axes, the other free degrees of freedom at rest under no force."""
+    nodes, axes = held
+    still = np.zeros_like(free)
+    still[np.ix_(nodes, axes)] = True
+    pencil, rows = constrain(system, free & ~still), (3 * nodes[:, None] + axes).ravel()
     inner = np.flatnonzero(pencil.free.ravel())
     pull = system.stiffness[rows]
     answer = Factoriser()(pencil.stiffness).solve(pull[:, inner].T @ motions)
     stiff = motions.T @ (pull[:, rows] @ motions - pull[:, inner] @ answer)
-    return np.asarray(weights.T @ stiff @ weights)
+    return np.asarray((stiff + stiff.T) / 2.0)
 
 
 def _on_disc(mesh: Mesh, at: FloatArray, radius_m: float, thickness_m: float) -> IntArray:

@@ -38,6 +38,7 @@ SCENES = {
     "plate thin": f"modes {REFERENCE} --set plate.thickness_mm=1",
     "plate pitch 10": f"modes {REFERENCE} --set array.pitch_mm=10",
     "plate steel pillars": f'modes {REFERENCE} --set pillar.material="steel" --set solve.accuracy=0.001',
+    "plate on screws": "modes examples/30-screwed-plate.toml --set solve.accuracy=0.05",
     "solid small": f"modes {SMALL} --set solve.model=solid",
     "solid bare": f"modes {REFERENCE} --set solve.model=solid --set array.rows=0",
     "bands small": f"bands {SMALL}",

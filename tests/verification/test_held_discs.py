@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,12 +15,13 @@ from geometry.hex.boxes import boxes_of, hex_mesh
 from geometry.hex.panels import disc_mesh
 from geometry.hex.scenes import HexSettings, plate_scene
 from geometry.layout import region_materials
-from geometry.materials import Stack
+from geometry.materials import Material, Stack
 from geometry.supports import Support
 from geometry.tiling import Panel
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.models.cell_cache import CellCache, MatrixCache
 from pipeline.models.modes import solve_modes
 from pipeline.planning.model_choice import Request
 from solvers.accuracy.reduction import mode_errors
@@ -27,7 +30,9 @@ from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import constrain, free_mask
 from solvers.plates import held
 from solvers.plates.assembled import PlateModel, Reductions
+from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.supports import Hold
 from tests.verification.test_supports import ALUMINIUM, MARGIN, bare_design, clamped_case, solved
 
 SIZE, SMALL = (24e-3, 18e-3, 2e-3), (12e-3, 9e-3, 2e-3)
@@ -39,8 +44,11 @@ LEFT = 0.33
 def plate(supports: list[Support], size_m: tuple[float, float, float] = SIZE, top_hz: float = 4e5) -> PlateModel:
     """A bare plate from reduced cells of the degrees that `auto` gives one of this size."""
     design = bare_design(supports, size_m)
-    reduction = ReductionSettings(Interface(4, 2, ()), top_hz, HexSettings(3, 2e-3, 0), 6e-3, None, 1)
-    return PlateModel(design, Reductions(design.stack, None, reduction))
+    return PlateModel(design, Reductions(design.stack, None, settings(top_hz)))
+
+
+def settings(top_hz: float) -> ReductionSettings:
+    return ReductionSettings(Interface(4, 2, ()), top_hz, HexSettings(3, 2e-3, 0), 6e-3, None, 1)
 
 
 def solid_hz(
@@ -88,6 +96,49 @@ def test_the_twist_of_a_plate_on_a_clamped_disc(monkeypatch: pytest.MonkeyPatch)
     assert pencil.rigid_count == 0
     assert tone == pytest.approx(exact, rel=float(errors.mesh[0] + MARGIN * errors.total[0]) + left)
     assert errors.mesh[0] < 0.02 and tone == pytest.approx(exact, rel=0.01)
+
+
+def test_a_disc_is_solved_once_for_plates_whose_panels_about_it_are_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another radius, kind or layer is another one, and so is a panel with a function turned round."""
+    monkeypatch.setattr(held, "disc_settings", lambda *_: HexSettings(2, 6e-3, 1))
+    solved_discs: list[int] = []
+
+    def counted(*given: Any) -> FloatArray:
+        solved_discs.append(1)
+        return np.eye(given[-1].shape[1])
+
+    monkeypatch.setattr(held, "_stiffness", counted)
+    reductions = Reductions(
+        Stack.of(SMALL[2], ALUMINIUM), None, settings(1e5), CellCache(tmp_path), matrices=MatrixCache(tmp_path)
+    )
+
+    def solves(disc: Support, turned: bool = False, **changes: Any) -> tuple[int, Hold]:
+        before, model = len(solved_discs), PlateModel(bare_design([disc], SMALL), reductions)
+        if turned:
+            model.cells = {name: _turned(cell) for name, cell in model.cells.items()}
+        model.reductions = replace(reductions, **changes)
+        (hold,) = model.assembled("SS").holds
+        return len(solved_discs) - before, hold
+
+    disc = Support("clamp", radius_m=1.5e-3)
+    (first, computed), (again, kept) = solves(disc), solves(disc)
+    assert (first, again) == (2, 0) and np.array_equal(computed.stiffness, kept.stiffness)
+    assert solves(replace(disc, radius_m=1.4e-3))[0] == solves(replace(disc, kind="simple"))[0] == 2
+    softer = Stack.of(SMALL[2], Material.isotropic("softer", 60e9, 2700.0, 0.34))
+    assert solves(disc, turned=True)[0] == solves(disc, stack=softer)[0] == 2
+
+
+def _turned(cell: Cell) -> Cell:
+    """A cell whose last function has the other sign, as one reduced again may have."""
+    assert cell.bare
+    sign = np.ones(cell.dof)
+    sign[-1] = -1.0
+    bare = replace(cell.bare, matrix=cell.bare.matrix * sign)
+    return replace(
+        cell, stiffness=cell.stiffness * np.outer(sign, sign), mass=cell.mass * np.outer(sign, sign), bare=bare
+    )
 
 
 @pytest.mark.slow

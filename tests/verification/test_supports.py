@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import product
 from math import cos, cosh, pi, sin, sinh, sqrt
 from pathlib import Path
 from typing import Any
@@ -30,8 +31,10 @@ from pipeline.planning.model_choice import Request
 from pipeline.questions.modes import Modes
 from pipeline.questions.question import ask
 from solvers.accuracy.reduction import mode_errors
+from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import modes_in_band
-from solvers.fem.solid import SolidModel
+from solvers.fem.solid import SolidModel, constrain, free_mask
+from solvers.plates import held as discs
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.supports import rigid_count
@@ -117,14 +120,43 @@ def test_supports_that_do_nothing_change_nothing() -> None:
 
 
 def test_a_foam_of_rising_stiffness_holds_the_edge() -> None:
-    """From below, with an error that falls as 1/k: u_z of the edge face alone is then held."""
-    tones = [
-        solved(plate([Support("foam", edge, bedding_n_m2=bedding) for edge in EDGES]), 1e3, 3e4)[0][0]
+    """From below, with an error that falls as 1/k, to the modes of a whole solid with u_z of the edge faces held."""
+    band = (1e3, 5e4)
+    *softer, (tones, bars, rigid) = (
+        solved(plate([Support("foam", edge, bedding_n_m2=bedding) for edge in EDGES]), *band)
         for bedding in (1e12, 1e13, 1e14, 1e16)
-    ]
-    left = [tones[-1] - tone for tone in tones[:-1]]
-    assert all(left[i] / left[i + 1] == pytest.approx(10.0, rel=0.05) for i in range(2))
-    assert tones[-1] < solved(plate([Support("simple", edge) for edge in EDGES]), 1e3, 3e4)[0][0]
+    )
+    left = [tones - other for other, _, _ in softer]
+    assert all(left[i] / left[i + 1] == pytest.approx(np.full(2, 10.0), rel=0.05) for i in range(2))
+    exact = edges_held_hz(*band)
+    assert rigid == 3 and len(exact) == 2 and bars.max() < 5e-3
+    assert (np.abs(tones / exact - 1.0) <= bars).all()
+    assert tones[0] < solved(plate([Support("simple", edge) for edge in EDGES]), 1e3, 3e4)[0][0]
+
+
+def edges_held_hz(low_hz: float, high_hz: float) -> FloatArray:
+    """Modes of the solid with u_z of its edge faces held; an order less changes them by 7e-4."""
+    x = np.append(np.linspace(0.0, LENGTH / 2.0, 7)[:-1], [0.48 * LENGTH, 0.5 * LENGTH])
+    y = np.append(np.linspace(0.0, WIDTH / 2.0, 5)[:-1], [0.475 * WIDTH, 0.5 * WIDTH])
+    z = THICK * np.array([0.0, 0.25, 0.75, 1.0])
+    boxes = Boxes(x, y, z, np.zeros((len(x) - 1, len(y) - 1, len(z) - 1), dtype=np.int64), ("plate",))
+    mesh, found = hex_mesh(boxes, 3), []
+    system = assemble(mesh, {"plate": ALUMINIUM}, Scale.of(THICK, ALUMINIUM))
+    for along, across in product("SA", repeat=2):
+        free = free_mask(mesh, (), {"x-": along, "y-": across})
+        free[np.concatenate([mesh.nodes_of("x+"), mesh.nodes_of("y+")]), 2] = False
+        found += modes_in_band(constrain(system, free), low_hz, high_hz).frequency_hz.tolist()
+    return np.sort(found)
+
+
+def test_an_edge_of_rising_mass_is_clamped() -> None:
+    """From above, with an error that falls as 1/m; the edge's own modes go as m^(-1/2), to below the band."""
+    band, weight = (1.5e4, 4e4), ALUMINIUM.density_kg_m3 * LENGTH * WIDTH * THICK
+    clamped, bars, _ = solved(plate([Support("clamp", "x-")]), *band)
+    tones = [solved(plate([Support("mass", "x-", mass_kg=times * weight)]), *band)[0] for times in (1e4, 1e5, 1e8)]
+    assert all(len(each) == len(clamped) == 4 for each in tones)
+    assert (tones[0] - tones[2]) / (tones[1] - tones[2]) == pytest.approx(np.full(4, 10.0), rel=0.1)
+    assert (np.abs(tones[2] / clamped - 1.0) <= bars).all() and bars.max() < 6e-3
 
 
 @pytest.mark.parametrize(
@@ -277,3 +309,34 @@ def test_a_supported_plate_reports_its_target_mode_without_supports() -> None:
     assert held.found is None or abs(held.found.frequency_hz / target.frequency_hz - 1.0) > 0.01
     (line,) = [line for line in held.lines() if line.startswith("without the supports: ")]
     assert "confinement by" in line or held.found is None
+
+
+DISC = {"at_mm": [9.0, 0.0], "radius_mm": 1.0}
+
+
+@pytest.mark.parametrize(
+    "support",
+    [
+        {"kind": "clamp", "edge": "x-"},
+        {"kind": "simple", "edge": "y+"},
+        {"kind": "foam", "edge": "y-", "stiffness_N_per_m2": 1e6},
+        {"kind": "spring", "edge": "x+", "stiffness_N_per_m": 1e4},
+        {"kind": "mass", "edge": "y-", "mass_g": 0.1},
+        {"kind": "clamp", **DISC},
+        {"kind": "simple", **DISC},
+        {"kind": "spring", **DISC, "stiffness_N_per_m": 1e4, "damping_Ns_per_m": 0.1},
+        {"kind": "mass", **DISC, "mass_g": 0.1},
+    ],
+    ids=lambda support: f"{support['kind']} {support.get('edge', 'disc')}",
+)
+def test_every_mount_says_what_it_costs(support: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line after the target mode, and the same in JSON; the mount changes what it says."""
+    monkeypatch.setattr(discs, "LAYERS", 1)
+    case = clamped_case(("solve.accuracy", 0.1), ("support", [support]))
+    answer = ask(case, Modes(), TerminalLog(True))
+    loose, own = answer.without_supports, answer.found
+    (line,) = [line for line in answer.lines() if line.startswith("without the supports: ")]
+    assert loose is not None and loose.confinement_db is not None and "dB" in line
+    if own is not None and own.confinement_db is not None:
+        assert "the supports shift it by" in line and "change its confinement by" in line
+        assert own.frequency_hz != loose.frequency_hz and own.confinement_db != loose.confinement_db

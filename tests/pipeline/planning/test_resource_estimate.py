@@ -32,6 +32,7 @@ from solvers.errors import OutOfMemory
 from solvers.machine import GROUP_FILES, available_bytes
 from studies.benchmarks.resource_estimate import CELLS, DRIVEN, SCENES, taken
 
+SCREWED = str(ROOT / "examples" / "30-screwed-plate.toml")
 SMALL, REFERENCE = str(ROOT / "examples" / "small.toml"), str(ROOT / "studies" / "three-rows.toml")
 SOFT = "pillar.material={young_GPa=0.07,density_kg_m3=1000.0,poisson=0.4}"
 TOO_LARGE = {
@@ -287,6 +288,21 @@ def test_peaks_of_large_scenes_lie_where_they_are_foreseen(name: str) -> None:
 @pytest.mark.parametrize("name", DRIVEN)
 def test_peaks_of_driven_plates_lie_where_they_are_foreseen(name: str) -> None:
     assert peak_is_foreseen(name)
+
+
+def test_screws_take_memory_and_time_that_the_plan_knows() -> None:
+    """Each that is no other's image: four in mirrored places are one, and a fifth elsewhere makes them five."""
+    disc = "{kind='clamp', at_mm=[%g, %g], radius_mm=1.5}"
+    four = [disc % (x, y) for x in (13.0, -13.0) for y in (11.5, -11.5)]
+    free, one, many = (
+        plan.modes_step(
+            load_case(SCREWED, [f"support=[{', '.join(own)}]"]), Request("plate", band_hz=(3e4, 6e4))
+        ).demand
+        for own in ([], four, [*four, disc % (3.0, 11.5)])
+    )
+    assert free and one and many
+    assert one.memory_bytes > 1.5 * free.memory_bytes and one.seconds > free.seconds + 2.0
+    assert many.seconds - free.seconds > 4.0 * (one.seconds - free.seconds)
 
 
 def test_a_driven_plate_holds_more_than_one_class_and_its_patches() -> None:

@@ -39,6 +39,7 @@ from tests.helpers.recording_log import RecordingLog
 from tests.helpers.searching import parse_vary, read_space
 
 CASE = str(STUDIES / "three-rows.toml")
+SCREWED = str(ROOT / "examples" / "30-screwed-plate.toml")
 SMALL = (
     "zone.length_mm=40", "zone.nodal_lines=3", "zone.width_mm=18", "array.rows=1", "array.extension_mm=5", "solve.accuracy=0.1",
     "patches.centres_mm=[[0.0,0.0]]", "patches.sensors=[]", "patches.size_mm=[4.0,3.0,0.3]",
@@ -476,6 +477,24 @@ def test_the_command_that_it_names_gives_the_number_that_it_claims(
     target = max(modes, key=lambda mode: (mode["mac"] or 0.0) * (mode["zone_share"] or 0.0))
     assert target["confinement_db"] == pytest.approx(best["confinement_db"], abs=1e-6)
     assert target["frequency_hz"] == pytest.approx(best["frequency_hz"], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_plate_on_screws_is_searched_as_its_modes_are_solved(
+    coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Strips and columns know no screws, plates do: the best one's figures are those of `modes`, far from the free plate's."""
+    monkeypatch.setattr(fidelity.EvaluationCache.__init__, "__defaults__", (tmp_path / "shelf",))
+    arguments = [SCREWED, "--vary", "pillar.height_mm=5.6:6.6", "--set", "solve.accuracy=0.05", "--evaluations", "2"]
+    assert run(*arguments, "--mac", "0.3", "--quiet", "--json", str(tmp_path / "found.json")) == 0
+    found = json.loads((tmp_path / "found.json").read_text())
+    sets = [part for text in found["repeat"] for part in ("--set", text)]
+    assert main(["modes", SCREWED, *sets, "--quiet", "--json", str(tmp_path / "m.json")]) == 0
+    document, best = json.loads((tmp_path / "m.json").read_text()), found["best"]
+    for own in ("frequency_hz", "confinement_db", "mac"):
+        assert document["target"][own] == pytest.approx(best[own], rel=1e-6)
+        assert abs(document["without_supports"][own] / best[own] - 1.0) > 0.005
+    assert "--set support" not in " ".join(found["repeat"]) and len(found["evaluations"]) > 5
 
 
 @pytest.mark.slow
