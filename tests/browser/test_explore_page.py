@@ -177,6 +177,33 @@ def test_a_dot_of_the_cloud_sets_the_sliders(opened: Callable[..., Any]) -> None
     assert page.locator("#pins tbody tr").count() == 0 and not page.faults
 
 
+def test_the_cloud_keeps_to_a_window_of_frequencies(opened: Callable[..., Any]) -> None:
+    """Dots of both pictures, and the front among them, are those of the designs in it; an empty end is open."""
+    page = opened()
+    page.locator("#gather").click()
+    until(page, "cloud.points.filter((point) => point.confinement_db >= 0).length > 6")
+    page.locator("#gather").click()
+    until(page, "document.querySelector('#gather').textContent === 'Go on'")
+    points = page.evaluate("cloud.points.filter((point) => point.confinement_db >= 0)")
+    tones = sorted(point["frequency_hz"] for point in points)
+    low, high = (tones[1] + tones[2]) / 2e3, (tones[-2] + tones[-1]) / 2e3
+
+    def shown(lowest: str, highest: str) -> list[int]:
+        page.locator("#lowest").fill(lowest)
+        page.locator("#highest").fill(highest)
+        return [page.locator(f"#{name} .dot").count() for name in ("by-frequency", "by-mass")]
+
+    inside = sum(1e3 * low <= tone <= 1e3 * high for tone in tones)
+    assert shown("", "") == [len(tones)] * 2 and 0 < inside < len(tones)
+    assert shown(f"{low}", f"{high}") == [inside] * 2
+    assert "in the window" in page.locator("#gathered").inner_text()
+    best = max((p for p in points if 1e3 * low <= p["frequency_hz"] <= 1e3 * high), key=lambda p: p["confinement_db"])
+    named = page.locator("#by-mass .dot.front title").all_text_contents()
+    assert any(name.startswith(page.evaluate(f"level({best['confinement_db']}, null)")) for name in named)
+    assert shown(f"{low}", "") == [len(tones) - 2] * 2 and shown(f"{high}", f"{low}") == [0, 0]
+    assert shown("", "") == [len(tones)] * 2 and not page.faults
+
+
 @pytest.fixture(scope="module")
 def exported(explorer: Explorer, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("offline") / "explorer.html"

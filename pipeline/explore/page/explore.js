@@ -308,7 +308,6 @@ async function gather() {
       try { more = await answer("cloud", { first }); } catch (why) { fault = why; cloud.again.push(first); cloud.running = false; return; }
       cloud.count += more.length;
       cloud.points.push(...more.filter((point) => point.frequency_hz !== null && point.confinement_db !== null));
-      $("gathered").textContent = `${cloud.count} designs computed, ${cloud.points.length} have a target mode`;
       drawCloud();
       ended ||= !more.length;
     }
@@ -325,13 +324,21 @@ function front(points) { // those that no other beats in all three
     if (!kept.some((q) => worth(q).every((v, i) => v >= worth(p)[i]))) kept.push(p);
   return new Set(kept);
 }
+function inWindow(point) { // an empty end is open
+  const [low, high] = ["lowest", "highest"].map((id) => $(id).value === "" ? null : 1000 * Number($(id).value));
+  return (low === null || point.frequency_hz >= low) && (high === null || point.frequency_hz <= high);
+}
 function drawCloud() {
-  if (!cloud.points.length) return;
-  const best = front(cloud.points), high = Math.max(...cloud.points.map((p) => p.confinement_db));
+  if (!cloud.count) return;
+  const points = cloud.points.filter(inWindow), open = points.length === cloud.points.length;
+  $("gathered").textContent = `${cloud.count} designs computed, ${cloud.points.length} have a target mode${open ? "" : `, ${points.length} of them in the window`}`;
+  const best = front(points), high = Math.max(...points.map((p) => p.confinement_db));
+  for (const id of ["by-frequency", "by-mass"]) $(id).replaceChildren();
+  if (!points.length) return;
   for (const [id, text, value] of [["by-frequency", "frequency (kHz)", (p) => p.frequency_hz / 1000], ["by-mass", "mass (g)", (p) => p.mass_g]]) {
-    const svg = $(id), far = Math.max(...cloud.points.map(value)) * 1.03, at = frame(svg, far, Math.max(high, 10) * 1.05, text, "confinement (dB)", steps(far).map((v) => [v, String(Number(v.toPrecision(6)))]));
+    const svg = $(id), far = Math.max(...points.map(value)) * 1.03, at = frame(svg, far, Math.max(high, 10) * 1.05, text, "confinement (dB)", steps(far).map((v) => [v, String(Number(v.toPrecision(6)))]));
     put(svg, "line", { class: "least", x1: at.left, x2: at.left + at.width, y1: at.y(10), y2: at.y(10) });
-    for (const p of [...cloud.points].sort((a, b) => best.has(a) - best.has(b))) {
+    for (const p of [...points].sort((a, b) => best.has(a) - best.has(b))) {
       if (p.confinement_db < 0) continue;
       const label = `${level(p.confinement_db, p.confinement_error_db)}, ${frequency(p.frequency_hz, p.frequency_error)}, ${figure(p.mass_g)} g`;
       const dot = put(svg, "circle", { class: best.has(p) ? "dot front" : "dot", cx: at.x(value(p)).toFixed(1), cy: at.y(p.confinement_db).toFixed(1), r: best.has(p) ? 4.5 : 3 });
@@ -449,6 +456,7 @@ async function start() {
   $("pin").addEventListener("click", () => { if (state.shown && state.pins.length < MAX_PINS) { state.pins.push(state.shown); drawPins(); } });
   $("save").addEventListener("click", save);
   $("gather").addEventListener("click", gather);
+  for (const id of ["lowest", "highest"]) $(id).addEventListener("input", drawCloud);
   $("full").addEventListener("click", computeFull);
   $("copy").addEventListener("click", async () => {
     try { await navigator.clipboard.writeText(location.href); say("the address is copied; it holds the design", false); } catch { say("copy it from the address bar: it holds the design", false); }
