@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geometry import lattice
 from geometry.elements import FloatArray
@@ -488,20 +487,21 @@ def _check_places(patches: Patches, design: Design, file: Tables, diagnostics: D
 def _check_pillars(
     patches: Patches, design: Design, key: str, value: object, diagnostics: Diagnostics, slack: float
 ) -> None:
-    x0, x1, y0, y1 = patches.boxes_m().T
-    hit = np.zeros(len(x0), dtype=bool)
+    boxes = patches.boxes_m()
+    hit = np.zeros(len(boxes), dtype=bool)
     for stand in design.standing():
-        half = stand.pillar.widest_m / 2.0
-        x, y = (np.sort(places) for places in stand.centres.T)
-        hit |= _holds(x, x0 - half + slack, x1 + half - slack) & _holds(y, y0 - half + slack, y1 + half - slack)
+        reach = stand.pillar.widest_m / 2.0 - slack
+        along = stand.centres[np.argsort(stand.centres[:, 0])]
+        hit |= [_holds(along, *box) for box in boxes + reach * np.array([-1.0, 1.0, -1.0, 1.0])]
     if hit.any():
         diagnostics.add(key, value, f"patch {np.flatnonzero(hit)[0]} on the {patches.face} overlaps a pillar's foot")
 
 
-def _holds(ascending: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
-    """Return for each open interval, (n,), whether it contains one of the ascending numbers."""
-    first = np.searchsorted(ascending, low, side="right")
-    return np.asarray(np.append(ascending, np.inf)[first] < high)
+def _holds(along: FloatArray, x0: float, x1: float, y0: float, y1: float) -> bool:
+    """Return whether an open rectangle contains one of some points (n, 2), ascending in x."""
+    first, last = np.searchsorted(along[:, 0], x0, side="right"), np.searchsorted(along[:, 0], x1)
+    y = along[first:last, 1]
+    return bool(((y0 < y) & (y < y1)).any())
 
 
 def _first_overlaps(boxes_m: FloatArray, slack: float) -> list[tuple[int, int]]:

@@ -158,6 +158,24 @@ def test_antinodes_are_the_zone_s_own() -> None:
     assert antinode_places((0.0,), 0.012, (2e-3, 2e-3, 3e-4), ends=False)[0] == ((0.0, 0.0),)
 
 
+def test_patches_lie_between_the_rows_around_a_zone() -> None:
+    """A row beside the zone has their x, a column before it their y, and no pillar both."""
+    design = case_of().design
+    centres, middle = 1e3 * design.pillar_centres(), 1e3 * np.array(design.centre_m)
+    beside, before = (
+        np.abs(centres[:, axis] - middle[axis]) > 1e3 * half
+        for axis, half in ((1, design.width_m / 2.0), (0, design.length_m / 2.0))
+    )
+    x, y = centres[beside & ~before][0, 0], centres[before & ~beside][0, 1]
+    patches = f"patches={{size_mm=[2.0, 2.0, 0.3], face='back', centres_mm=[[{x}, {y}]]}}"
+    assert case_of(patches).patches is not None
+    x, y = centres[0]
+    for at in ([x, y], [x + 1.7, y], [x, y - 1.7]):
+        with pytest.raises(InputError, match="patch 0 on the back overlaps a pillar's foot"):
+            case_of(patches, f"patches.centres_mm=[[{at[0]}, {at[1]}]]")
+    assert case_of(patches, "array.surround=false", f"patches.centres_mm=[[{x}, -1.5]]").patches is not None
+
+
 def test_a_measured_map_is_weighed_on_all_sides_of_the_zone() -> None:
     design = case_of().design
     x, y = np.meshgrid(np.linspace(-14.5, 14.5, 30), np.linspace(-12.5, 12.5, 26), indexing="ij")
