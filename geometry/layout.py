@@ -15,7 +15,7 @@ import numpy as np
 
 from geometry.elements import BoolArray, FloatArray
 from geometry.lattice import Lattice
-from geometry.materials import Layer, Material, PiezoMaterial, Stack
+from geometry.materials import USUAL_C, Layer, Material, PiezoMaterial, Stack
 from geometry.outline import Outline
 from geometry.pillar_shapes import PillarShape, shape_of
 from geometry.supports import Support, are_mirrored
@@ -586,6 +586,17 @@ class Design:
     def unsupported(self) -> Design:
         """The plate with free edges, nothing attached to it."""
         return replace(self, supports=()) if self.supports else self
+
+    @property
+    def holds_expansion(self) -> bool:
+        """Whether supports hold layers that expand, or may do so, along the plate."""
+        held = any({*each.held_axes} & {*"xy"} for each in self.supports)
+        return held and any(material.expansion_per_k != 0.0 for material, _ in self.stack.layers)
+
+    @property
+    def is_stressed(self) -> bool:
+        """Whether supports hold the expansion between the usual temperature and the plate's."""
+        return self.holds_expansion and self.stack.back.temperature_c != USUAL_C
 
     @property
     def is_mirrored(self) -> bool:

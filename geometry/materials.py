@@ -660,6 +660,11 @@ class Stack:
         return Warming(strain, curvature, np.einsum("lij,lfj->lfi", planes, own))
 
     @property
+    def is_stressed(self) -> bool:
+        """Whether its layers, free to expand together, hold one another at their temperature."""
+        return len(self.layers) > 1 and self.back.temperature_c != USUAL_C and self.warming is not None
+
+    @property
     def rotary_kg(self) -> float:
         """Rotary inertia per area about the centre of mass, kg: rho h^3/12 of one layer."""
         first, middle, square = self._moments[1]

@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.quantity import MM
-
-if TYPE_CHECKING:
-    from geometry.layout import Design
 
 ZONES, LARGER, SUPPORTS, GROUPS, DEFECTS = "[[zone]]", "[plate] length_mm", "[[support]]", "[materials]", "[[defect]]"
 OUTLINE = "[plate] file"
 CELL, ATTACHED = "[cell] file", "[[cell.attached]]"
 OBLIQUE = "array.a2_mm"  # of a lattice without rows as pitches give them
 STRESS = "solve.temperature_C"  # of a plate whose supports hold its expansion
-OF_A_PLATE = (ZONES, LARGER, OUTLINE, SUPPORTS, STRESS)  # of no consequence to a unit cell
+UNKNOWN = "expansion_per_K"  # of a layer that supports hold
+OF_A_PLATE = (ZONES, LARGER, OUTLINE, SUPPORTS, STRESS, UNKNOWN)  # of no consequence to a unit cell
 
 
 @dataclass(frozen=True)
@@ -54,9 +52,14 @@ FEATURES = {
         "must be left out: {} supports free plates only (modes, response, touch, tolerance and search support any)",
     ),
     STRESS: Feature(
-        lambda case: f"{STRESS} = {case.solve.temperature_C:g}" if _is_stressed(case.design) else "",
+        lambda case: f"{STRESS} = {case.solve.temperature_C:g}" if case.design.is_stressed else "",
         "must be 20: {} leaves out the stress of a plate whose clamps or simply supported edges hold its expansion"
-        " (expansion_per_K = 0 of all layers is for a mount that expands with the plate)",
+        " (modes, response, touch and drift have it; expansion_per_K = 0 is for a mount that expands with the plate)",
+    ),
+    UNKNOWN: Feature(
+        lambda case: _of_unknown_expansion(case),
+        "must be given: {} needs it for the stress of a plate whose supports hold its expansion"
+        " (0 is for a mount that expands with the plate)",
     ),
     GROUPS: Feature(
         lambda case: GROUPS if case.group_materials and not case.design.cell_file else "",
@@ -81,14 +84,11 @@ FEATURES = {
 }
 
 
-def _is_stressed(design: Design) -> bool:
-    """Whether held edges meet layers that expand, or may do so, between the usual temperature and that of the case."""
-    from geometry.materials import USUAL_C
-
-    layers = (material for material, _ in design.stack.layers)
-    return any(set(each.held_axes) & {*"xy"} for each in design.supports) and any(
-        material.temperature_c != USUAL_C and material.expansion_per_k != 0.0 for material in layers
-    )
+def _of_unknown_expansion(case: Any) -> str:
+    """Name the layers of a stressed plate whose expansion is not known; '' where all are."""
+    layers = dict.fromkeys(material for material, _ in case.design.stack.layers if material.expansion_per_k is None)
+    names = ", ".join(material.name for material in layers)
+    return f"{UNKNOWN} of {names}" if names and case.design.is_stressed else ""
 
 
 def refusals(case: Any, command: str, honours: tuple[str, ...]) -> list[str]:

@@ -235,7 +235,7 @@ class WarmPlate(Part):
     confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB", default=None)
     mac: float | None = column("modal assurance criterion with the target shape", default=None)
     left_out: float | None = column(
-        "bound on what the stress and the bow of warm layers change of the frequency, relative; None where it is not known",
+        "bound on what the bow of warm layers changes of the frequency, relative; None where it is not known",
         default=None,
     )
 

@@ -20,6 +20,7 @@ from pipeline.models import own_frequency
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.own_frequency import OwnFrequency
 from pipeline.models.parts import mesh_record
+from pipeline.models.prestress import warn_of_free_cell
 from pipeline.models.unit_cell import Bar, LatticeModel, WholeCell, lattice_model
 from pipeline.planning import refinement, resource_estimate, simplifications
 from pipeline.planning.mesh_rules import refinement_of
@@ -363,6 +364,8 @@ def sampled_cell(
     cell of staggered rows has the stiffness of each material.
     """
     design, count = case.design, case.bands.count
+    if case.design.is_stressed:
+        warn_of_free_cell(log)
 
     def solved(choice: ModelChoice) -> tuple[WholeCell | Periodic, list[ModeErrors]]:
         cell: WholeCell | Periodic

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from geometry.elements import FloatArray
 from geometry.layout import Design
 from geometry.materials import USUAL_C, Stack
 from pipeline.case.model import Case
@@ -61,7 +60,7 @@ def drift(case: Case, span_c: tuple[float, float], points: int, log: Log) -> dic
     }
     if tone and widest is not None:
         shared = 2.0 * SHARES * widest * hz * _spread(case)
-        answer["drift_error_hz_per_K"] = tone.error + widest * abs(tone.per_k) + shared
+        answer["drift_error_hz_per_K"] = tone.error + widest * abs(tone.per_k) + shared + hz * _of_stress(case, found)
         levels = [each.confinement_error_db for each in found if each.confinement_error_db is not None]
         if level and alike:
             answer["drift_error_db_per_K"] = 0.0
@@ -93,7 +92,7 @@ def unknown(design: Design) -> list[str]:
 
 
 def _at(case: Case, celsius: float, log: Log) -> WarmPlate:
-    """The target mode at a temperature, and what the stress and the bow of the layers may change of its frequency."""
+    """The target mode at a temperature, and what the bow of the layers may change of its frequency."""
     warm = case.but({"solve.temperature_C": celsius})
     with log.step(f"modes at {celsius:g} C"):
         row = solve_modes(warm, of_case(warm), log).target_row
@@ -101,7 +100,7 @@ def _at(case: Case, celsius: float, log: Log) -> WarmPlate:
     if row:
         own = {"frequency_hz": row.frequency_hz, "error": row.error, "mac": row.mac}
         own |= {"confinement_db": row.confinement_db, "confinement_error_db": row.confinement_error_db}
-    return WarmPlate(temperature_C=celsius, **own, left_out=stress_share(warm, celsius))
+    return WarmPlate(temperature_C=celsius, **own, left_out=bow_share(warm, celsius))
 
 
 def _scaled(case: Case, celsius: list[float], log: Log) -> list[WarmPlate]:
@@ -115,6 +114,13 @@ def _scaled(case: Case, celsius: list[float], log: Log) -> list[WarmPlate]:
         replace(own, temperature_C=each, frequency_hz=own.frequency_hz * factor)
         for each, factor in zip(celsius, factors, strict=True)
     ]
+
+
+def _of_stress(case: Case, found: list[WarmPlate]) -> float:
+    """What the stress that supports cause adds to the errors of frequencies per kelvin from 20 C, relative, 1/K."""
+    errors = [each.error for each in found if each.error is not None]
+    farthest = max(abs(each.temperature_C - USUAL_C) for each in found)
+    return (max(errors) - min(errors)) / farthest if case.design.holds_expansion else 0.0
 
 
 def _spread(case: Case) -> float:
@@ -153,20 +159,16 @@ def curvatures(stack: Stack) -> list[float] | None:
     return None if stack.warming is None else [float(each) for each in stack.warming.curvature_per_m[:2]]
 
 
-def stress_share(case: Case, celsius: float) -> float | None:
-    """Bound what stress and bow of a free layered plate change of the target mode's frequency, relative.
+def bow_share(case: Case, celsius: float) -> float | None:
+    """Bound what the bow of a free layered plate changes of the target mode's frequency, relative.
 
-    A stress s adds s/E of the bending energy at most, because a free plate's stresses have no resultant; a curvature c of
-    the plate adds E t c^2 per area of deflection to D k^4: half of 12 (c/(t k^2))^2 of the frequency.
+    A curvature c of the plate adds E t c^2 per area of deflection to D k^4: half of 12 (c/(t k^2))^2 of the frequency.
     """
     stack, warming = case.design.stack, case.design.stack.warming
     if len(stack.layers) == 1:
         return 0.0
     if warming is None:
         return None
-    warmer = abs(celsius - USUAL_C)
-    moduli: FloatArray = np.array([material.average.young_pa for material, _ in stack.layers])
-    stressed = float((np.abs(warming.stress_pa).max(axis=(1, 2)) / moduli).max()) * warmer
     k = max(case.target_kx_per_m, pi / case.design.width_m)
-    bow = float(np.abs(warming.curvature_per_m).max()) * warmer / (stack.thickness_m * k**2)
-    return 0.5 * stressed + 6.0 * bow**2
+    bow = float(np.abs(warming.curvature_per_m).max()) * abs(celsius - USUAL_C) / (stack.thickness_m * k**2)
+    return 6.0 * bow**2

@@ -23,6 +23,7 @@ from geometry.tiling import Panel
 from pipeline.case.model import Case
 from pipeline.logs import Log, TerminalLog
 from pipeline.models.cell_cache import CellCache, MatrixCache
+from pipeline.models.prestress import load_with_stress
 from pipeline.planning import resource_estimate, simplifications
 from pipeline.planning.model_choice import SOLID, ModelChoice, Request, model_choice_of
 from pipeline.records import store
@@ -97,7 +98,7 @@ def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord], p
     """Build the model of a given choice; parted: reduced cells have the stiffness of each material."""
     design, part = case.design, choice.part
     if choice.reduction:
-        return _assembled(design, choice, log, case.is_lossy, parted)
+        return _assembled(case, choice, log, parted)
     if choice.edge_m:
         from geometry.tet import scenes
 
@@ -110,8 +111,9 @@ def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord], p
     warn_of_locking(design, mesh, log)
     clamped = ("foot",) if choice.edge_m and part == "pillar" else clamped_faces(part, choice.quarter)
     materials = region_materials(design.stack, design.pillar)
+    layers = design.stack if part == "plate" else None
     lines, cuts = design.touch_lines_m, design.touch_cuts_m if part == "plate" else ()
-    return SolidModel(mesh, materials, clamped, choice.quarter, lines, cuts_m=cuts)
+    return SolidModel(mesh, materials, clamped, choice.quarter, lines, cuts_m=cuts, layers=layers)
 
 
 def warn_of_locking(design: Design, mesh: AnyMesh, log: Log) -> None:
@@ -143,6 +145,7 @@ def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> Mesh
     materials = region_materials(design.stack, design.pillar)
     if not isinstance(model, SolidModel):
         return None
+    layers_of_plate = model.layers
     if choice.edge_m or fine is None:
         thin = choice.part == "plate" and design.outline is not None
         return StressRecovery(model.mesh, materials, model.scale, bool(CLAMPED[choice.part]), thin)
@@ -151,8 +154,8 @@ def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> Mesh
     def nested(settings: HexSettings) -> Nested[SolidModel]:
         own = part_boxes(design, choice.part, settings, choice.quarter)
         held = clamped_faces(choice.part, choice.quarter)
-        model = SolidModel(hex_mesh(own, settings.order), materials, held, choice.quarter)
-        return Nested(model, interpolation(own, boxes, fine.order, settings.order))
+        other = SolidModel(hex_mesh(own, settings.order), materials, held, choice.quarter, layers=layers_of_plate)
+        return Nested(other, interpolation(own, boxes, fine.order, settings.order))
 
     order = nested(replace(fine, order=fine.order - 1))
     if choice.part == "plate" and design.pillar is None:
@@ -189,17 +192,19 @@ def foot_shares(design: Design, mesh: HexSettings) -> ErrorFractions:
     )
 
 
-def _assembled(design: Design, choice: ModelChoice, log: Log, lossy: bool, parted: bool) -> PlateModel:
+def _assembled(case: Case, choice: ModelChoice, log: Log, parted: bool) -> PlateModel:
     assert choice.reduction
+    design = case.design
     reductions = Reductions(
         design.stack,
         design.pillar,
         choice.reduction,
         CellCache(),
         *panel_mesher(design, choice, log),
-        lossy=lossy,
+        lossy=case.is_lossy,
         parted=parted,
         matrices=MatrixCache(),
+        stressed=design.is_stressed,
     )
     with log.step("reduce cells"):
         model = PlateModel(design, reductions, resource_estimate.of_panels(design, choice, choice.reduction))
@@ -210,6 +215,8 @@ def _assembled(design: Design, choice: ModelChoice, log: Log, lossy: bool, parte
     if any(is_held_disc(each) for each in design.supports):
         with log.step("stiffness of the held discs"):
             model.assembled(model.symmetries[0])  # the classes of one numbering share it
+    if design.is_stressed:
+        load_with_stress(case, model, log)
     return model
 
 

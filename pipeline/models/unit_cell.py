@@ -25,6 +25,7 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import foot_shares, mesh_record, tet_cell
+from pipeline.models.prestress import warn_of_free_cell
 from pipeline.planning import mesh_rules, resource_estimate
 from pipeline.planning.model_choice import ORDER, SUPERELEMENT, ModelChoice, cell_model_choice, coarse_settings
 from pipeline.planning.refinement import describe_change, higher_degree, more_modes, on_finer_meshes
@@ -49,6 +50,7 @@ from solvers.accuracy.reduction import (
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.fem.eigen import PlainPencil, lowest_pairs
+from solvers.fem.prestress import with_free_stress
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
@@ -106,6 +108,8 @@ def lattice_model(
     finer: refine the mesh if its error exceeds the accuracy; high_hz: highest frequency needed in addition to the bands;
     parted: with the stiffness of each material.
     """
+    if case.design.is_stressed:
+        warn_of_free_cell(log)
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     reduce = _reducer(choice, case, log, meshes, parted)
     if case.design.cell_file:
@@ -515,4 +519,7 @@ def _mesh(design: Design, settings: HexSettings) -> Mesh:
 
 
 def _bloch(design: Design, mesh: Mesh) -> BlochCell:
-    return BlochCell(assemble(mesh, region_materials(design.stack, design.pillar)), design.lattice)
+    system = assemble(mesh, region_materials(design.stack, design.pillar))
+    if design.stack.is_stressed:
+        system = with_free_stress(system, design.stack)
+    return BlochCell(system, design.lattice)

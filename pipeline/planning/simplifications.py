@@ -173,9 +173,10 @@ def material_loss(design: Design, quality: float | None) -> Simplification | Non
 
 
 def alike_drift(design: Design) -> Simplification | None:
-    """Solve one temperature where all materials change alike, and at any frequency: frequencies scale, shapes stay."""
+    """Solve one temperature where all materials change alike, and at any frequency, and nothing holds the plate."""
     coefficients = {(material.softening_per_k, material.expansion_per_k) for material in design.materials}
-    if len(coefficients) > 1 or any(material.spectrum for material in design.materials):
+    own = design.holds_expansion or any(material.spectrum for material in design.materials)
+    if len(coefficients) > 1 or own:
         return None
     return Simplification("alike_drift", "the plate at other temperatures", "all its materials change alike: it scales")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from pipeline.case.features import LARGER
+from pipeline.case.features import LARGER, STRESS, SUPPORTS
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import LayerStress, WarmPlate
 from pipeline.quantity import KHZ, figure, percent, with_bar
@@ -59,7 +59,7 @@ class DriftResult(Result, table="points", axes=("temperature_C",)):
         if self.layers:
             worst = max((point.left_out for point in self.points if point.left_out is not None), default=None)
             if worst:
-                yield f"stress and bow of the layers are left out: they change frequencies by at most {percent(worst)}"
+                yield f"the bow of the layers is left out: it changes frequencies by at most {percent(worst)}"
 
     def draw(self, ax: Axes) -> None:
         """Draw the target mode's frequency and its confinement over temperature."""
@@ -85,7 +85,10 @@ class DriftResult(Result, table="points", axes=("temperature_C",)):
 
 
 class Drift(
-    Question[DriftResult], needs=("plate", "zone"), example="drift examples/small.toml --points 3", honours=(LARGER,)
+    Question[DriftResult],
+    needs=("plate", "zone"),
+    example="drift examples/small.toml --points 3",
+    honours=(LARGER, SUPPORTS, STRESS),
 ):
     """Compute the drift of the target mode with temperature (Hz/K, dB/K), and the stress of the plate's layers (Pa/K).
 
@@ -111,9 +114,10 @@ class Drift(
         checked(case)
         for celsius in self._span(case):
             try:
-                case.but({"solve.temperature_C": celsius})
+                warm = case.but({"solve.temperature_C": celsius})
             except InputError as error:
                 raise InputError(f"around_K = {self.around_K:g}: {error.lines[0].rpartition('--set: ')[2]}") from None
+            warm.refuse(self.name, self.honours)
 
     def plan(self, case: Case) -> Plan:
         from pipeline.planning.model_choice import of_case

@@ -9,7 +9,7 @@ from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
-from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, OUTLINE, SUPPORTS, ZONES
+from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, OUTLINE, STRESS, SUPPORTS, ZONES
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import CountRecord, ModeRecord, TargetMode, TargetRecord
@@ -307,7 +307,7 @@ class Modes(
     Question[ModesResult],
     example="modes studies/three-rows.toml --part zone --count 14",
     at_own_frequencies=True,
-    honours=(LARGER, OUTLINE, SUPPORTS),
+    honours=(LARGER, OUTLINE, SUPPORTS, STRESS),
     aliases=("confinement",),
     pictures=("plots.rendering.report_figures", "plots.fields.touch_face", "plots.fields.neighbours"),
 ):

@@ -358,8 +358,11 @@ def by_mesh(
             beyond += shares.doubt * error.taken * (by_layer - by_order / error.edge)
     known = [each.cell.mesh_error for each in plate.placed_cells]
     smooth = smooth_half_width(order, AWAY, min((error.order for error in known if error), default=0))
-    discs = plate.missed_at_discs(np.real(vectors), value) if isinstance(plate, AssembledPlate) else 0.0
-    return taken, rims * np.abs(rim) + smooth + clamps + discs + np.maximum(beyond, 0.0)
+    others: FloatArray | float = 0.0
+    if isinstance(plate, AssembledPlate):
+        moved = np.real(vectors)
+        others = plate.missed_at_discs(moved, value) + plate.missed_of_stress(moved, value)
+    return taken, rims * np.abs(rim) + smooth + clamps + others + np.maximum(beyond, 0.0)
 
 
 def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:

@@ -60,7 +60,8 @@ class System:
 
     density (e,) is per element, in units of the scale. loss: the stiffness with each material's part times its loss factor,
     or the loss factor that all of them have; None where it was not asked for. by_material: the stiffness of each material
-    that was asked for by itself. upright: nodes that move along z alone; grounded: whether springs hold it to the ground.
+    that was asked for by itself. upright: nodes that move along z alone; grounded: whether springs hold it to the ground;
+    stressed: whether K has the stress of layers at rest.
     """
 
     stiffness: sp.csr_array
@@ -72,6 +73,7 @@ class System:
     by_material: tuple[sp.csr_array, ...] = ()
     upright: tuple[int, ...] = ()
     grounded: bool = False
+    stressed: bool = False
 
     def region_mass(self, *regions: str) -> sp.csr_array | None:
         """Scalar mass of some regions alone; None when the mesh has none of them."""

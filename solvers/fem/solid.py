@@ -10,11 +10,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import BoolArray, FloatArray, IntArray
-from geometry.materials import Material
+from geometry.materials import Material, Stack
 from geometry.mesh import AnyMesh
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.cost import LARGE
 from solvers.fem.eigen import PlainPencil
+from solvers.fem.prestress import with_free_stress
 from solvers.fem.surface import FaceQuadrature, Frame, Skin, face_quadrature, skin_faces
 from solvers.measures.confinement import TouchField
 
@@ -197,6 +198,7 @@ class SolidModel:
     """Three-dimensional elasticity of a mesh: `clamped` faces, `mirrored` when the mesh is the quarter x, y >= 0.
 
     lines_m, cuts_m: y and x where parts of its touch face meet. frame: that face's own; None where it is the mesh's.
+    layers: those of a free plate, whose thermal stress counts.
     """
 
     def __init__(
@@ -208,16 +210,18 @@ class SolidModel:
         lines_m: tuple[float, ...] = (),
         frame: Frame | None = None,
         cuts_m: tuple[float, ...] = (),
+        layers: Stack | None = None,
     ) -> None:
         self.mesh, self.materials, self.clamped, self.mirrored = mesh, materials, clamped, mirrored
-        self.lines_m, self.frame, self.cuts_m = lines_m, frame, cuts_m
+        self.lines_m, self.frame, self.cuts_m, self.layers = lines_m, frame, cuts_m, layers
         self.name = f"solid {mesh.kind}{mesh.order}"
         self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)
 
     @cached_property
     def system(self) -> System:
         """K and M before constraints."""
-        return assemble(self.mesh, self.materials)
+        system = assemble(self.mesh, self.materials)
+        return with_free_stress(system, self.layers) if self.layers and self.layers.is_stressed else system
 
     @cached_property
     def scale(self) -> Scale:

@@ -25,10 +25,12 @@ from solvers.accuracy.reduction import extrapolated, recovered
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor import parallel_map
+from solvers.fem.prestress import stress_fields, with_free_stress
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
 from solvers.plates.held import holds_of
+from solvers.plates.prestress import RestStress, buckling_factor, rest_stress
 from solvers.superelement.attached import carried, with_attached
 from solvers.superelement.cell import Cell, restricted
 from solvers.superelement.interface import ReductionSettings
@@ -63,7 +65,7 @@ class Reductions:
 
     `pillar` stands on panels with a foot that name none of their own. `mesher` meshes the panels with a pillar; without it,
     and for bare panels, structured hexahedra do. lossy: cells have their materials' loss, too; parted: the part of each of
-    `materials` in their stiffness.
+    `materials` in their stiffness; stressed: fields of the thermal stress that supports cause, instead of that of free layers.
     """
 
     stack: Stack
@@ -74,6 +76,7 @@ class Reductions:
     mesher_name: str = ""  # distinguishes one mesher's cells from another's in the cache
     lossy: bool = False
     parted: bool = False
+    stressed: bool = False
     fresh: int = 0
     reused: int = 0
     matrices: Cache[FloatArray] | None = None  # of symmetric ones, by their key
@@ -111,9 +114,13 @@ class Reductions:
         system = self.system(mesh, self.lossy, self.materials if self.parted else ())
         if panel.attached:
             system = with_attached(system, panel.attached, self.stack.thickness_m)
-        edges = None if panel.edges_m is None else np.array(panel.edges_m)
+        edges, fields = None if panel.edges_m is None else np.array(panel.edges_m), None
+        if self.stressed:
+            half_m = (np.array(panel.high) - np.array(panel.low)) / 2.0
+            fields = stress_fields(mesh, region_materials(self.stack, self.pillar), self.stack, half_m, system.scale)
         return self._finished(
-            reduce_cell(system, reduction.ample, reduction.top_hz, panel.halved, panel.free, better, edges), system
+            reduce_cell(system, reduction.ample, reduction.top_hz, panel.halved, panel.free, better, edges, fields),
+            system,
         )
 
     def _finished(self, cell: Cell, system: System) -> Cell:
@@ -162,7 +169,9 @@ class Reductions:
 
     def _assembled(self, mesh: Mesh, materials: dict[str, Material], lossy: bool, parted: Sequence[Material]) -> System:
         check_mesh(mesh)
-        return assemble(mesh, materials, Scale.of(self.stack.thickness_m, self.stack.mean), lossy, parted)
+        scale = Scale.of(self.stack.thickness_m, self.stack.mean)
+        system = assemble(mesh, materials, scale, lossy, parted)
+        return with_free_stress(system, self.stack) if self.stack.is_stressed and not self.stressed else system
 
     def coarser(self, panel: Panel) -> Coarser | None:
         """Correction of a reduced panel by coarser meshes nested in its own; None for a mesh that has none.
@@ -215,7 +224,7 @@ class Reductions:
         pillar = self.pillar_of(panel) if panel.foot else None
         mesher = self.mesher_name if panel.foot else ""
         place = signature(replace(panel, pillar=None))
-        more = [name for name in ("lossy", "parted") if getattr(self, name)]
+        more = [name for name in ("lossy", "parted", "stressed") if getattr(self, name)]
         # whose parts a cell has, and in which order, depends on the pillar that stands elsewhere, too
         others = self.materials if self.parted else ()
         text = repr((place, panel.halved, self.stack, pillar, self.reduction, mesher, *more, *others))
@@ -249,6 +258,7 @@ class PlateModel:
         self.name = "superelement tet2" if reductions.mesher else f"superelement hex{order}"
         self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)
         self._assembled_plates: dict[str, AssembledPlate] = {}
+        self._stress: FloatArray | None = None
 
     def _reduce(self, whole: bool) -> None:
         """Reduce the panels that a whole plate, or a symmetry class, has and that are not reduced yet."""
@@ -274,8 +284,19 @@ class PlateModel:
             plate = AssembledPlate(self.tiling, self.cells, name, grid)
             others = [each for each in self._assembled_plates.values() if each.grid is plate.grid]
             plate.holds = others[0].holds if others else holds_of(plate, self.reductions)  # of one numbering
+            plate.stress = self._stress
             self._assembled_plates[name] = plate
         return self._assembled_plates[name]
+
+    def prestress(self) -> tuple[RestStress, float]:
+        """Load the plate with the thermal stress that its supports cause, and return it with the factor to buckling."""
+        plates = [self.assembled(symmetry) for symmetry in self.symmetries]
+        rest = rest_stress(plates[0])
+        factor = buckling_factor(plates, rest.fields)
+        self._stress = rest.fields
+        for plate in plates:
+            plate.stress = rest.fields
+        return rest, factor
 
     @property
     def scale(self) -> Scale:

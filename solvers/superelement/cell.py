@@ -18,6 +18,7 @@ from solvers.fem.assembly import Scale
 from solvers.fem.solid import rigid_body_modes
 from solvers.fem.surface import facet_quadrature
 from solvers.superelement.interface import VERTICES, Interface
+from solvers.superelement.prestress import Prestress
 
 # -- modes left out ----------------------------------------------------------------------------------------------------
 # Effect of the discarded fixed-interface modes on a cell, from their residual flexibility D (macneal1971).
@@ -215,11 +216,14 @@ class MeshError:
 
 @dataclass(frozen=True)
 class Further:
-    """K_r and M_r, (m, m) each, of a cell with boundary functions of higher degrees through the thickness, up to `through`."""
+    """K_r and M_r, (m, m) each, of a cell with boundary functions of higher degrees through the thickness, up to `through`, and
+    its stress fields if asked for.
+    """
 
     through: int
     stiffness: FloatArray
     mass: FloatArray
+    prestress: Prestress | None = None
 
 
 @dataclass(frozen=True)
@@ -230,7 +234,8 @@ class Cell:
     (modes, 2) under the cell's mirrors (0 without); touch: u_z on the touch face; skin: corners of the outer skin;
     bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None unless they form a tensor
     grid); pillar_mass: the share of M_r that moves in the pillar; loss: K_r with each material's part times its loss factor;
-    by_material (materials, dof, dof): the part of each in K_r (both None unless asked for). grounded: whether springs hold it
+    by_material (materials, dof, dof): the part of each in K_r; prestress: fields of thermal stress (each None unless asked
+    for). grounded: whether springs hold it
     to the ground, so that it does not move freely along z. edges_m: vectors along the sides of an oblique cell, (2, 2), whose
     lengths size_m has then; None for a rectangle.
 
@@ -258,6 +263,7 @@ class Cell:
     by_material: FloatArray | None = None
     grounded: bool = False
     edges_m: FloatArray | None = None
+    prestress: Prestress | None = None
 
     @property
     def vectors_m(self) -> FloatArray:
@@ -320,7 +326,8 @@ def restricted(cell: Cell, face: Interface, top_hz: float = inf) -> Cell:
         dropped_hz=float(cell.fixed_hz[~within].min(initial=cell.dropped_hz)),
         dropped=dropped[np.ix_(own, own)],
         mesh_error=cell.mesh_error and cell.mesh_error.kept(keep),
-        further=Further(cell.interface.through, cell.stiffness, cell.mass),
+        further=Further(cell.interface.through, cell.stiffness, cell.mass, cell.prestress),
+        prestress=cell.prestress and cell.prestress.kept(keep),
     )
 
 
@@ -339,7 +346,7 @@ def with_further(cell: Cell) -> Cell:
     """
     assert cell.further
     face, further = replace(cell.interface, through=cell.further.through), cell.further
-    larger = replace(cell, interface=face, stiffness=further.stiffness, mass=further.mass)
+    larger = replace(cell, interface=face, stiffness=further.stiffness, mass=further.mass, prestress=further.prestress)
     return replace(larger, mesh_error=None, further=None, loss=None, by_material=None)
 
 
@@ -402,7 +409,7 @@ def mirrored(
     return (points * flips[:, None]).reshape(-1, 3), matrix.reshape(-1, *matrix.shape[2:])
 
 
-def check_rigid(cell: Cell, whole: FloatArray | float) -> None:
+def check_rigid(cell: Cell, whole: FloatArray | float, stressed: bool = False) -> None:
     """Check that rigid-body modes carry no stiffness and that translations carry the whole mass.
 
     Parameters
@@ -411,6 +418,8 @@ def check_rigid(cell: Cell, whole: FloatArray | float) -> None:
         The reduced cell.
     whole : ndarray, shape (3,), or float
         Mass of the full mesh that moves along each axis, scaled.
+    stressed : bool, optional
+        Whether K_r has a stress at rest, which turns with the cell: a rotation then meets forces, but they do no work.
 
     Raises
     ------
@@ -418,7 +427,9 @@ def check_rigid(cell: Cell, whole: FloatArray | float) -> None:
         If a rigid-body mode meets a force, or the reduced mass differs.
     """
     motions = rigid_boundary(cell)
-    force = np.abs(cell.stiffness @ motions).max() / np.abs(cell.stiffness).max()
+    forces = cell.stiffness @ motions
+    met = np.append(forces[:, :3], motions.T @ forces if stressed else forces[:, 3:])
+    force = np.abs(met).max() / np.abs(cell.stiffness).max()
     if force > RIGID:
         raise SolverError(f"a rigid-body mode of the reduced cell meets a force of {force:.1e} of its stiffness")
     masses = np.diag(motions[:, :3].T @ cell.mass @ motions[:, :3])

@@ -8,7 +8,7 @@ the symmetry class forbids them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
 from operator import attrgetter
 
@@ -20,11 +20,13 @@ from geometry.tiling import DIGITS, Signature, Tiling, signature
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
+from solvers.fem.prestress import PLACES
 from solvers.fem.surface import Skin, triangles
 from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, Expansion, PlacedCell, SurfaceRule, with_further
 from solvers.superelement.clamped import softened
 from solvers.superelement.interface import OFFSETS, SIDES, VERTICES, Interface
+from solvers.superelement.prestress import Prestress
 from solvers.superelement.supports import Action, Hold, actions, at_edge, held_dofs, rigid_count
 
 WHOLE = ""  # no mirror: every panel is assembled
@@ -53,6 +55,9 @@ class AssembledPlate:
         self._number, self._sign = number[whole], sign
         self.placed_cells = [self._place(i, j, number[whole], sign) for i, j in self.grid.representative_cells()]
         self.holds: Sequence[Hold] = ()  # discs of the back face
+        self.stress: FloatArray | None = (
+            None  # thermal stress: size of each field in each placed cell, (cells, 9), scaled
+        )
 
     def _place(self, i: int, j: int, number: IntArray, sign: FloatArray) -> PlacedCell:
         dofs = self.grid.dofs(i, j)
@@ -71,7 +76,9 @@ class AssembledPlate:
     def widened(self) -> AssembledPlate:
         """Return the plate with its cells' further boundary functions."""
         cells = {key: with_further(cell) for key, cell in self.grid.cells.items()}
-        return AssembledPlate(self.tiling, cells, self.symmetry)
+        wide = AssembledPlate(self.tiling, cells, self.symmetry)
+        wide.stress = self.stress
+        return wide
 
     def pencil(self) -> PlainPencil:
         """K and M of the class, per whole plate."""
@@ -80,6 +87,8 @@ class AssembledPlate:
             stiffness, mass = stiffness + action.stiffness(self.scale), mass + action.mass(self.scale)
         for hold in self.holds:
             stiffness = stiffness + self.held_stiffness(hold)
+        if self.stress is not None:
+            stiffness = stiffness + self.stress_stiffness(self.stress)
         return PlainPencil(sp.csc_array(stiffness), sp.csc_array(mass), self.scale, self.rigid_count)
 
     def missed_at_discs(self, vectors: FloatArray, eigenvalue: FloatArray) -> FloatArray:
@@ -89,6 +98,18 @@ class AssembledPlate:
             own = self._placed(hold) @ vectors
             total += hold.count * hold.missed * np.abs(np.einsum("ik,ik->k", own, hold.layer @ own))
         return np.asarray(total / (2.0 * eigenvalue))
+
+    def missed_of_stress(self, vectors: FloatArray, eigenvalue: FloatArray) -> FloatArray:
+        """Relative error of frequencies, (k,), by thermal stress: what its slopes in the panels change, because there it need
+        not be linear, and the largest stress of a panel over the modulus, because about feet and edges it is another one.
+        """
+        if self.stress is None:
+            return np.zeros_like(eigenvalue)
+        slopes = self.stress.copy()
+        slopes[:, :: len(PLACES)] = 0.0
+        own = self.stress_stiffness(slopes)
+        bent = np.abs(np.einsum("ik,ik->k", vectors, own @ vectors)) / (2.0 * eigenvalue)
+        return np.asarray(bent + np.abs(self.stress[:, :: len(PLACES)]).max())
 
     def held_stiffness(self, hold: Hold) -> sp.csc_array:
         """Stiffness of a held disc and its mirror images in the plate's degrees of freedom, (dof, dof)."""
@@ -148,9 +169,19 @@ class AssembledPlate:
     def of_cells(self, matrix: Callable[[Cell], FloatArray]) -> sp.csc_array:
         """The cells' matrices (cell dof, cell dof) summed over the plate, (dof, dof), without entries of rounding alone."""
         known = {id(cell): _entries(matrix(cell)) for cell in self.cells}
+        return self._summed(known[id(placed_cell.cell)] for placed_cell in self.placed_cells)
+
+    def stress_stiffness(self, stress: FloatArray) -> sp.csc_array:
+        """Geometric stiffness (dof, dof) of the stress in each placed cell, (cells, 9), scaled."""
+        return self._summed(
+            _entries(np.tensordot(own, prestress_of(placed_cell.cell).stiffness, 1))
+            for own, placed_cell in zip(stress, self.placed_cells, strict=True)
+        )
+
+    def _summed(self, entries: Iterable[tuple[IntArray, IntArray, FloatArray]]) -> sp.csc_array:
+        """Rows, columns and values of each placed cell's matrix summed over the plate, (dof, dof)."""
         rows, columns, values = [], [], []
-        for placed_cell in self.placed_cells:
-            row, column, value = known[id(placed_cell.cell)]
+        for placed_cell, (row, column, value) in zip(self.placed_cells, entries, strict=True):
             place, weight = placed_cell.dofs.astype(np.int32), placed_cell.coefficient
             weighted = placed_cell.copies * value * weight[row] * weight[column]
             live = weighted != 0.0
@@ -237,6 +268,29 @@ def loss_of(cell: Cell) -> FloatArray:
     if cell.loss is None:
         raise SolverError("the cell was reduced without the loss of its materials")
     return cell.loss
+
+
+def prestress_of(cell: Cell) -> Prestress:
+    """Return a cell's stress fields.
+
+    Parameters
+    ----------
+    cell : Cell
+        Reduced with them.
+
+    Returns
+    -------
+    Prestress
+        Scaled.
+
+    Raises
+    ------
+    SolverError
+        If the cell was reduced without them.
+    """
+    if cell.prestress is None:
+        raise SolverError("the cell was reduced without the thermal stress of its layers")
+    return cell.prestress
 
 
 def part_of(number: int, cell: Cell) -> FloatArray:

@@ -21,10 +21,12 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import System, on_components
 from solvers.fem.eigen import PlainPencil, Shared, lowest_hz, modes_in_band
 from solvers.fem.factor import Factor, Factoriser, parallel_map
+from solvers.fem.prestress import StressFields
 from solvers.fem.solid import constrain, free_mask, rigid_body_modes
 from solvers.fem.surface import skin_faces
 from solvers.superelement.cell import Cell, Expansion, check_rigid, mirrored, places_of, rigid_polynomials
 from solvers.superelement.interface import SIDES, Interface
+from solvers.superelement.prestress import Prestress, joined
 from solvers.superelement.symmetry import DiagonalSector, diagonal_mirror
 from solvers.threads import one_thread
 
@@ -43,6 +45,7 @@ def reduce_cell(
     free: tuple[str, ...] = (),
     coarser: Coarser | None = None,
     edges_m: FloatArray | None = None,
+    fields: StressFields | None = None,
 ) -> Cell:
     """Reduce a panel to boundary functions and fixed-interface modes.
 
@@ -62,6 +65,8 @@ def reduce_cell(
         Corrects the discretisation error.
     edges_m : ndarray, shape (2, 2), optional
         Vectors along the sides of an oblique cell, which is not halved; by default its sides lie along x and y.
+    fields : StressFields, optional
+        Fields of thermal stress, which the cell then has, too.
 
     Returns
     -------
@@ -76,6 +81,7 @@ def reduce_cell(
     _enough_nodes(system, interface)
     with one_thread():  # blocks of eight columns: a second thread mostly waits, and another case can use its core
         build = CellBuilder(system, interface, halved, free, edges_m)
+        build.fields = fields
         parts = build.classes(top_hz)
         cell = build.join(parts)
     build.check(cell)
@@ -164,6 +170,7 @@ class CellBuilder:
         self.boundary = np.unique(np.concatenate([mesh.nodes_of(face) for face in self.outer]))
         self.thickness = float(mesh.nodes[self.boundary, 2].max())
         self.inside = free_mask(mesh, self.outer)
+        self.fields: StressFields | None = None
         self._known: dict[int, tuple[SymmetryClass, tuple[FloatArray, ...]]] = {}
         self.field = self._boundary_field(mesh)
 
@@ -172,7 +179,7 @@ class CellBuilder:
         mass, upright = self.system.mass, list(self.system.upright)
         if not self.system.grounded:
             whole, hung = float(mass.sum()), float(mass.diagonal()[upright].sum()) if upright else 0.0
-            check_rigid(cell, self.copies * np.array([whole - hung, whole - hung, whole]))
+            check_rigid(cell, self.copies * np.array([whole - hung, whole - hung, whole]), self.system.stressed)
 
     def _boundary_field(self, mesh: AnyMesh) -> FloatArray:
         """Scalar boundary functions at the boundary nodes, shape (b, count / 3)."""
@@ -318,7 +325,17 @@ class CellBuilder:
             grounded=system.grounded,
             edges_m=self.edges_m,
             by_material=(by_material + by_material.swapaxes(1, 2)) / 2.0 if len(by_material) else None,
+            prestress=self._prestress(parts, places),
         )
+
+    def _prestress(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Prestress | None:
+        if self.fields is None:
+            return None
+        sector = ClassSector(self.system, self._inside(dict.fromkeys(self.halved, 1)))
+        inner = Factoriser()(sector.pencil.stiffness).solve(self.fields.load[sector.keep])
+        fields = self.fields.relaxed(self.system.stiffness, sector.spread(inner[:, None])[:, 0])
+        classes = [(part.signs, part.shapes, place) for part, place in zip(parts, places, strict=True)]
+        return joined(fields, classes, self.halved, places[0].shape[0])
 
     def _dropped(self, parts: list[SymmetryClass], places: list[FloatArray]) -> FloatArray:
         """Cell.dropped, (boundary, boundary): the discarded modes of all symmetry classes together."""

@@ -20,6 +20,7 @@ from pipeline.case.features import (
     OUTLINE,
     STRESS,
     SUPPORTS,
+    UNKNOWN,
     ZONES,
     refusals,
 )
@@ -44,6 +45,11 @@ TABLES: dict[str, dict[str, Any]] = {
     LARGER: {"plate": {**SMALL["plate"], "length_mm": 80.0, "width_mm": 60.0}, "array": {"pitch_mm": 4.0, "rows": 1}},
     SUPPORTS: {"support": [{"kind": "clamp", "edge": "y-"}]},
     STRESS: {"support": [{"kind": "simple", "edge": "x+"}], "solve": {"temperature_C": 60.0}},
+    UNKNOWN: {
+        "material": {"density_kg_m3": 2700.0, "young_GPa": 70.0, "poisson": 0.33},
+        "support": [{"kind": "clamp", "edge": "x+"}],
+        "solve": {"temperature_C": 60.0},
+    },
     GROUPS: {"materials": {"ROOF": "steel"}},
     DEFECTS: {"defect": [{"at": [0, 0], "remove": True}]},
     CELL: {"cell": {"file": str(FILE)}, "pillar": None},
@@ -61,6 +67,7 @@ WORDS = {
     LARGER: "plate.length_mm = 80: ",
     SUPPORTS: "[[support]]: ",
     STRESS: "solve.temperature_C = 60: ",
+    UNKNOWN: "expansion_per_K of given: ",
     OBLIQUE: "array.a2_mm of an oblique lattice: ",
 }
 ABOUT_CASES = {name: kind for name, kind in known().items() if kind.without_case is None}
@@ -86,7 +93,8 @@ def test_what_a_question_cannot_honour_is_refused_in_one_line(name: str, feature
     with pytest.raises(InputError) as fault:
         question.suited(case_with(feature))
     line = next(each for each in fault.value.lines if WORDS.get(feature, f"{feature}: ") in each)
-    assert name in line and len(fault.value.lines) == (2 if feature == STRESS and SUPPORTS not in kind.honours else 1)
+    with_it = {STRESS: (SUPPORTS,), UNKNOWN: (SUPPORTS, STRESS)}.get(feature, ())
+    assert name in line and len(fault.value.lines) == 1 + sum(each not in kind.honours for each in with_it)
 
 
 @pytest.mark.parametrize(
