@@ -6,7 +6,9 @@ import antinode
 
 plate = antinode.load(Path(__file__).parent / "small.toml", rows=2)
 print(f"zone by plate theory: {plate.predesign().zone_hz:.0f} Hz")
-target = plate.modes().target
+modes = plate.modes()
+target = modes.target
 print(f"target mode: {target.frequency_hz:.0f} Hz, MAC {target.mac:.2f}, {target.confinement_db:.1f} dB")
 bands = plate.bands()
 print("gaps:", [(round(gap.lower_hz), round(gap.upper_hz)) for gap in bands.gaps])
+modes.plot().figure.savefig("from-python.png")

@@ -33,7 +33,7 @@ def pages(source: Path, with_pictures: bool = True) -> None:
     shutil.copy(ROOT / "CHANGELOG.md", source / "changelog.md")
     made = {name: "\n".join(lines()) for name, lines in reference.PAGES.items()}
     if with_pictures:
-        made["gallery.md"] = "\n".join(pictures.gallery_page(WORK / "pictures"))
+        (source / "gallery.md").write_text("\n".join(pictures.gallery_page(WORK / "pictures")), encoding="utf-8")
         for figure in pictures.figure_examples():
             pictures.made(figure, WORK / "pictures")
     for name, text in made.items():

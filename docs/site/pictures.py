@@ -1,6 +1,7 @@
 """Pictures of the site, each made by a command: the gallery's examples and the figures of the explanations.
 
-Pictures of unchanged sources are kept below build/docs.
+Pictures of unchanged sources are kept below build/docs. `python docs/site/pictures.py [NAME ...]` makes the thumbnails that
+the repository keeps, of all examples or of those named, and writes docs/gallery.md.
 """
 
 from __future__ import annotations
@@ -8,21 +9,34 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from PIL import Image, ImageOps
 
 from pipeline.records.store import code_hash
 
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[1]
 FIGURES = ("superelement", "superelement-convergence", "error-bars")
+PAGE, THUMBNAILS = ROOT / "docs" / "gallery.md", ROOT / "docs" / "pictures" / "gallery"
+TILE = (320, 220)  # pixels of a thumbnail
+DRAWN = ("picture", "command")
+INTRODUCTION = """\
+# Gallery
+
+Each example is one file of `examples/`, at most forty lines long, and shows one feature. Its command makes its picture.
+Where a figure is given, the tests compare the example's own with it: it comes from a closed form, another mesh, another
+method or another command. Run the commands in the folder of the checkout; they write into the current folder.
+"""
 
 
 @dataclass(frozen=True)
@@ -48,6 +62,18 @@ class Example:
     command: str
     text: str
     figure: Figure | None = None
+    section: str = ""  # heading of the gallery that begins with this example
+
+    @property
+    def path(self) -> str:
+        """The example's file; its name begins with the example's number."""
+        found = next((name for word in self.command.split() if Path(name := word).stem == self.name), "")
+        return found or f"examples/{self.name}.toml"
+
+    @property
+    def heading(self) -> str:
+        """Number and title."""
+        return f"{self.name[:2]} {self.title}"
 
     @property
     def file(self) -> str:
@@ -69,10 +95,12 @@ def examples() -> list[Example]:
 
 
 def number(document: Any, path: str) -> float:
-    """The number at a dotted path of a JSON document; a list's element by its place from 0 or by its `label`."""
+    """The number at a dotted path of a JSON document or of a script's names; a list's element by its place or `label`."""
     for step in path.split("."):
         if isinstance(document, dict):
             document = document[step]
+        elif hasattr(document, step):
+            document = getattr(document, step)
         elif step.isdigit():
             document = document[int(step)]
         else:
@@ -81,8 +109,10 @@ def number(document: Any, path: str) -> float:
 
 
 def figure_examples() -> list[Example]:
-    """Figures of the explanations, as commands."""
-    return [Example(name, name, f"{name}.svg", f"python docs/site/figures.py {name}", "") for name in FIGURES]
+    """Figures of the explanations and of the tutorials, as commands."""
+    drawn = [Example(name, name, f"{name}.svg", f"python docs/site/figures.py {name}", "") for name in FIGURES]
+    listed = tomllib.loads((SITE / "gallery.toml").read_text())["page"]
+    return drawn + [Example(each["name"], each["name"], each["picture"], each["command"], "") for each in listed]
 
 
 def made(example: Example, cache: Path) -> float:
@@ -116,10 +146,74 @@ def run(command: str, folder: Path) -> float:
     return sum(os.times()[2:4]) - before
 
 
-def gallery_page(cache: Path) -> Iterator[str]:
-    """Lines of the gallery: title, picture, words, command and time of each example."""
+def gallery_page(cache: Path | None = None) -> Iterator[str]:
+    """Lines of the gallery: thumbnails by subject, then words, command and figure of each; with a cache, its pictures, too."""
+    yield INTRODUCTION
+    for group in sections():
+        yield f"## {group[0].section}\n"
+        yield from _grid(group)
+        for example in group:
+            yield f"\n### {example.heading}\n\n`{example.path}`. {example.text}\n"
+            seconds = 0.0 if cache is None else made(example, cache)
+            if cache is not None:
+                print(f"{example.name}: {seconds:.1f} s", flush=True)
+                yield f"![{example.title}](pictures/gallery/{example.file})\n"
+            yield f"```sh\n{example.command}\n```\n"
+            yield from filter(None, [example.checked])
+            if cache is not None:
+                yield f"{max(seconds, 1.0):.0f} s of one processor.\n"
+
+
+def sections() -> list[list[Example]]:
+    """The examples by section, each of which begins with one that has a heading for it."""
+    grouped: list[list[Example]] = []
     for example in examples():
-        seconds = made(example, cache)
-        print(f"{example.name}: {seconds:.1f} s", flush=True)
-        yield f"## {example.title}\n\n![{example.title}](pictures/gallery/{example.file})\n\n{example.text}\n"
-        yield f"```sh\n{example.command}\n```\n\n{example.checked}\n{max(seconds, 1.0):.0f} s of one processor.\n"
+        if example.section:
+            grouped.append([])
+        grouped[-1].append(example)
+    return grouped
+
+
+def _grid(group: Sequence[Example]) -> Iterator[str]:
+    """A table of thumbnails, three in a row; its first row is the heading that Markdown wants."""
+    for start in range(0, len(group), 3):
+        row = group[start : start + 3]
+        cells = [_tile(each) for each in row] + [""] * (3 - len(row))
+        yield f"| {' | '.join(cells)} |"
+        if start == 0:
+            yield "|---|---|---|"
+
+
+def _tile(example: Example) -> str:
+    link = f"(#{anchor(example.heading)})"
+    if not (THUMBNAILS / f"{example.name}.png").exists():
+        return f"[{example.heading}]{link}"
+    return f"[![{example.title}](pictures/gallery/{example.name}.png)]{link}<br>{example.heading}"
+
+
+def anchor(heading: str) -> str:
+    """The address of a heading within its page, as GitHub and MyST make it."""
+    return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+
+
+def thumbnail(picture: Path, target: Path) -> None:
+    """Write a picture that fits into a tile: a frame of a film with the largest motion, few colours, a small file."""
+    with Image.open(picture) as opened:
+        opened.seek(getattr(opened, "n_frames", 1) // 4)
+        small = ImageOps.pad(opened.convert("RGB"), TILE, Image.Resampling.LANCZOS, color="white")
+    small.quantize(64).save(target, optimize=True)
+
+
+def refresh(names: Sequence[str]) -> None:
+    """Make the thumbnails of some examples, or of all, as bitmaps of their pictures, and write the gallery's page."""
+    for example in examples():
+        if example.name in names or not names:
+            bitmap = replace(example, **{field: getattr(example, field).replace(".svg", ".png") for field in DRAWN})
+            with tempfile.TemporaryDirectory() as folder:
+                made(bitmap, Path(folder))
+                thumbnail(Path(folder) / bitmap.file, THUMBNAILS / f"{example.name}.png")
+    PAGE.write_text("\n".join(gallery_page()), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    refresh(sys.argv[1:])
