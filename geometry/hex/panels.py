@@ -494,6 +494,47 @@ def panel_mesh(panel: Panel, stack: Stack, pillar: Pillar | None, settings: HexS
     return joined(patches, z, stack.thickness_m, settings.order, stack.joints_m, own.levels_m[1:-1])
 
 
+def with_nodes_along(
+    panel: Panel, along: int, settings: HexSettings, mesh_of: Callable[[HexSettings], Mesh]
+) -> HexSettings:
+    """Return the elements of a panel with a foot, more where a side has too few nodes for a polynomial of a degree.
+
+    Two elements at least lie along a side, whichever the foot: degrees up to twice their order need no look at the mesh.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    along : int
+        Degree along its sides.
+    settings : HexSettings
+        The elements to begin with.
+    mesh_of : callable
+        Meshes the panel with given elements.
+
+    Returns
+    -------
+    HexSettings
+        The elements, each side with more nodes than `along`.
+    """
+    if along > 2 * settings.order * settings.least:
+        while settings.least < along and _side_nodes(mesh_of(settings), panel) <= along:
+            settings = replace(settings, least=settings.least + 1)
+    return settings
+
+
+def _side_nodes(mesh: Mesh, panel: Panel) -> int:
+    """Nodes along the side that has fewest of them, those beyond a mirror included."""
+    counts, sides = [], np.eye(3)
+    if panel.edges_m is not None:
+        sides[:2, :2] = panel.edges_m
+    for axis, side in ((1, "x+"), (0, "y+")):
+        places = mesh.nodes[mesh.nodes_of(side)] @ sides[axis]
+        along = len(np.unique(np.round(places / np.ptp(places), 9)))
+        counts.append(2 * along - 1 if axis in panel.halved else along)
+    return min(counts)
+
+
 def disc_mesh(panel: Panel, stack: Stack, radius_m: float, settings: HexSettings) -> Mesh:
     """Mesh a rectangular panel about a disc of its bare back face, graded towards the disc's rim.
 

@@ -44,6 +44,7 @@ from pipeline.planning.refinement import (
     step_by_step,
     warn,
 )
+from pipeline.planning.resources import ResourceEstimate
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent, several
 from pipeline.quantity import level as level_text
@@ -218,16 +219,21 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
     _warn_of_nothing(part_modes, query, log)
     solve = partial(_solved, case, query, log=log)
 
+    def demand(finer: ModelChoice) -> ResourceEstimate:
+        return resource_estimate.of_modes(case, finer, with_search(case, query))
+
     def deeper(choice: ModelChoice, solved: PartModes, taken: int) -> ModelChoice | None:
         estimate = _error_estimate(solved)
         finer = refine_reduction(choice, estimate, case, log) if estimate else None
-        return finer if finer and not (taken and not _is_deeper(finer, choice)) else None
+        if finer is None or (taken and not _is_deeper(finer, choice)):
+            return None
+        return finer if resource_estimate.fits(demand(finer), log) else None
 
     choice, part_modes = on_finer_meshes(
         step_by_step((choice, part_modes), deeper, solve, DEEPER, log),
         lambda solved: (_decisive(solved), 0.0),
         solve,
-        lambda finer: resource_estimate.of_modes(case, finer, with_search(case, query)),
+        demand,
         case,
         log,
     )

@@ -10,7 +10,7 @@ from math import ceil, floor
 
 import numpy as np
 
-from geometry.hex.panels import disc_mesh, panel_mesh, square_of
+from geometry.hex.panels import disc_mesh, panel_mesh, square_of, with_nodes_along
 from geometry.hex.scenes import (
     BoxCounts,
     HexSettings,
@@ -23,16 +23,18 @@ from geometry.hex.scenes import (
 )
 from geometry.layout import Design
 from geometry.materials import Stack
+from geometry.mesh import Mesh
 from geometry.supports import Support, is_held_disc
 from geometry.tiling import Panel, Tiling, grid, tile
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, Request, model_choice_of, model_high_hz
-from pipeline.planning.resources import ResourceEstimate, refuse, shortfall
+from pipeline.planning.resources import GIB, ResourceEstimate, refuse, shortfall
 from pipeline.quantity import KHZ
 from solvers.analytic.plates import highest_hz, pillar_modes, plate_modes
 from solvers.fem.cost import (
+    ENTRY,
     Cost,
     Fill,
     MeshCounts,
@@ -78,6 +80,8 @@ NODES, PAIRS = 1.45, 28.0  # a quadratic tetrahedron's nodes; nodes that share a
 TET_FILL = 4.0  # entries of the factor over n^(4/3)
 # times the elements of a square prism's panel: those of a disc's, where meshing it just to count them costs too much
 CURVED, MESHED = 2.0, 50_000
+CLASS_MATRICES = 3  # of a symmetry class: its K, its M and one shifted
+PILOT_BYTES = 0.15 * GIB  # heap that the solves of a coarse cell leave behind
 SKIN = 0.4  # of a panel's nodes that lie on its surface
 EMBEDDED = 2.2  # entries of the real embedding over those of the cell
 SPLIT_BYTES, SPLIT_KEPT = 70.0, 16.0  # per entry, while the cell is split by phases, and afterwards
@@ -468,7 +472,12 @@ def _of_hexahedra(design: Design, panel: Panel, reduction: ReductionSettings) ->
         return mesh
     own = CURVED
     if CURVED * mesh.elements < MESHED:
-        own = len(panel_mesh(panel, design.stack, pillar, settings).mesh.nodes) / mesh.nodes
+
+        def meshed(other: HexSettings) -> Mesh:
+            return panel_mesh(panel, design.stack, pillar, other).mesh
+
+        settings = with_nodes_along(panel, reduction.interface.along, settings, meshed)
+        own = len(meshed(settings).nodes) / mesh.nodes
     fill = Fill(*(own ** (4.0 / 3.0) * part for part in astuple(mesh.fill)))
     return MeshCounts(own * mesh.elements, mesh.corners, own * mesh.nodes, own * mesh.pairs, fill)
 
@@ -490,18 +499,22 @@ def _mean_functions(design: Design, kinds: list[Kind], panels: int) -> float:
     return share * kinds[-1][1] + (1.0 - share) * kinds[0][1]
 
 
-def panel_reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int, is_alike: bool = False) -> Cost:
+def panel_reduction(
+    mesh: MeshCounts, face: Interface, functions: float, copies: int, is_alike: bool = False, at_once: int = 1
+) -> Cost:
     """Cost of reducing one panel of `copies` times its mesh, class by class: matrices, constraint modes, fixed-interface modes
-    and nested meshes. is_alike: a quarter that is symmetric under exchange of x and y.
+    and nested meshes. is_alike: a quarter that is symmetric under exchange of x and y; at_once: classes solved in parallel.
     """
     surface = 2.0 * SKIN * copies * mesh.dofs * 8.0 * (face.count + functions)
     shapes = 8.0 * mesh.dofs * (face.count + functions)
     kept_bytes = mesh.mesh_bytes + 2.0 * 9.0 * 12.0 * mesh.pairs
     solve = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, functions / 2.0)
+    solve = replace(solve, stages=tuple(Stage(stage.name, at_once * stage.bytes) for stage in solve.stages))
     shaping = Stage(
         "projecting a reduced cell", kept_bytes + 4.0 * shapes + surface + 24.0 * (face.count + functions) ** 2
     )
-    first = assembly(mesh).then(solve, kept_bytes + 12.0 * 9.0 * mesh.pairs).then(Cost((shaping,)))
+    own_bytes = at_once * CLASS_MATRICES * ENTRY * 9.0 * mesh.pairs
+    first = assembly(mesh).then(solve, kept_bytes + own_bytes).then(Cost((shaping,)))
     of_class = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, functions / copies).operations
     columns = COLUMN_SOLVES * SWEEP * mesh.fill.entries * face.count / copies
     projecting = 6.0 * mesh.dofs * (face.count + functions) ** 2 / copies
@@ -558,7 +571,7 @@ def _of_cell(case: Case, choice: ModelChoice, operations: float, solves: float, 
         if each.reduction
     ]
     whole = replace(demands[0], finer_bytes=tuple(each.memory_bytes for each in demands[1:]))
-    return replace(whole, cost=Cost((), pilots * COARSE_OPERATIONS).then(whole.cost))
+    return replace(whole, cost=Cost((), pilots * COARSE_OPERATIONS).then(whole.cost, PILOT_BYTES))
 
 
 def _finer_meshes(design: Design, choice: ModelChoice) -> Iterator[ModelChoice]:
@@ -582,12 +595,14 @@ def cell_dofs(design: Design, choice: ModelChoice) -> float:
 def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings) -> tuple[Cost, int, float]:
     """Cost of reducing the unit cell, its degrees of freedom per wavevector, and those in total."""
     design, face = case.design, reduction.interface
-    pitch = (design.pitch_x_m, design.pitch_y_m)
+    pitch = (design.pitch_x_m / (2 if design.stagger else 1), design.pitch_y_m)
     halved = (0, 1) if {"x", "y"} <= {*design.cell_mirrors} else ()
     mesh, functions, copies = _pillar_panel(design, reduction, choice, pitch, halved)
     if design.pillar:
         functions = min(_kept_modes(case, reduction, pitch, mesh), 0.8 * mesh.dofs)
-    reducing = panel_reduction(mesh, face, functions, copies, "d" in design.cell_mirrors and len(halved) == 2)
+    is_alike = "d" in design.cell_mirrors and len(halved) == 2  # then the largest classes are halves of one
+    at_once = 1 if is_alike else min(workers(), copies)
+    reducing = panel_reduction(mesh, face, functions, copies, is_alike, at_once)
     cells = 2 if design.stagger else 1  # of a row: a panel with a pillar and a bare one
     whole = face.count + functions
     reducing = replace(reducing, operations=reducing.operations + cells * (CELL_OPERATIONS + LOWERED * whole**3))

@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.hex.oblique import oblique_mesh
-from geometry.hex.panels import PatchedMesh, panel_mesh, transfer
+from geometry.hex.panels import PatchedMesh, panel_mesh, transfer, with_nodes_along
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar, region_materials
 from geometry.materials import Material, Stack
@@ -142,18 +142,10 @@ class Reductions:
 
     def settings(self, panel: Panel) -> HexSettings:
         """The hexahedra of a panel."""
-        return self._with_nodes_for_sides(panel) if panel.foot else self._bare(panel)
-
-    def _with_nodes_for_sides(self, panel: Panel) -> HexSettings:
-        """Elements of a panel with a foot, more of them where a side has fewer nodes than a polynomial of the degree along it.
-
-        Two elements at least lie along a side, whichever the foot: degrees up to twice their order need no look at the mesh.
-        """
-        settings, along = self.reduction.hexahedra, self.reduction.interface.along
-        if along > 2 * settings.order * settings.least:
-            while settings.least < along and _side_nodes(self._mesh(panel, settings).mesh, panel) <= along:
-                settings = replace(settings, least=settings.least + 1)
-        return settings
+        if not panel.foot:
+            return self._bare(panel)
+        along = self.reduction.interface.along
+        return with_nodes_along(panel, along, self.reduction.hexahedra, lambda other: self._mesh(panel, other).mesh)
 
     def pillar_of(self, panel: Panel) -> Pillar | None:
         """The pillar that stands on a panel with a foot."""
@@ -229,18 +221,6 @@ class Reductions:
         others = self.materials if self.parted else ()
         text = repr((place, panel.halved, self.stack, pillar, self.reduction, mesher, *more, *others))
         return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _side_nodes(mesh: Mesh, panel: Panel) -> int:
-    """Nodes along the side that has fewest of them, those beyond a mirror included."""
-    counts, sides = [], np.eye(3)
-    if panel.edges_m is not None:
-        sides[:2, :2] = panel.edges_m
-    for axis, side in ((1, "x+"), (0, "y+")):
-        places = mesh.nodes[mesh.nodes_of(side)] @ sides[axis]
-        along = len(np.unique(np.round(places / np.ptp(places), 9)))
-        counts.append(2 * along - 1 if axis in panel.halved else along)
-    return min(counts)
 
 
 class PlateModel:

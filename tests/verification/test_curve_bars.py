@@ -85,20 +85,27 @@ def test_every_zone_s_curve_lies_within_its_bar_of_a_finer_one(monkeypatch: pyte
 
 
 @pytest.mark.slow
-def test_every_level_of_four_methods_lies_within_its_bar_of_a_finer_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """At the same tones; at the target mode's peak, which is elsewhere on the finer mesh, alike."""
-    records: tuple[HybridResult, HybridResult] = both(
-        FOUR, lambda case, log, **given: ask(case, Hybrid(**given), log), monkeypatch
-    )
-    names = ("confinement", "off", "rows_off")
+def test_every_level_of_four_methods_lies_within_its_bar_of_a_finer_one() -> None:
+    """At the same tones; at the target mode's peak, which is elsewhere on the finer mesh, alike.
+
+    Meshes are those that the program takes for either accuracy: on one coarser than it takes, bars of levels that hardly change
+    with the frequency are up to three times too small.
+    """
+    records: list[HybridResult] = [
+        ask(case_from_dict({**FOUR, "solve": {**FOUR["solve"], "accuracy": accuracy}}), Hybrid(points=61), QUIET)
+        for accuracy in (0.1, 0.003)
+    ]
+    place, shares = records[0].target_place, []
+    assert place is not None
     for coarse, fine in zip(*(record.methods for record in records), strict=True):
-        for name in names:
-            values = getattr(coarse, f"{name}_db")
-            if values is not None:
-                held = inside(values, getattr(coarse, f"{name}_error_db"), getattr(fine, f"{name}_db"))
-                assert held.mean() >= 0.95, (coarse.method, name)
-                assert records[0].target_place is not None and held[records[0].target_place]
+        for name in ("confinement", "off", "rows_off"):
+            if (values := getattr(coarse, f"{name}_db")) is None:
+                continue
+            off = np.abs(np.array(values) - np.array(getattr(fine, f"{name}_db")))
+            shares.append(off / np.array(getattr(coarse, f"{name}_error_db"), dtype=float))
+            assert off[place] > 0.0 and shares[-1][place] <= 1.0 and 1.0 / np.median(shares[-1]) < 10.0
         assert inside(coarse.volts_per_um, coarse.volts_error_per_um, fine.volts_per_um).mean() >= 0.95
+    assert (np.array(shares) <= 1.0).mean() >= 0.95 and (np.array(shares) <= 2.0).mean() >= 0.99
 
 
 @pytest.mark.slow

@@ -268,6 +268,7 @@ def test_a_soft_pillar_s_many_functions_are_told(
 
 
 def peak_is_foreseen(name: str) -> bool:
+    """Whether memory lies in the range that the program states; `python -m studies.benchmarks` compares the times."""
     (low, high), took = MEMORY_RANGE, taken(name)
     return low < took.peak_bytes / took.foreseen_bytes < high
 
@@ -319,10 +320,8 @@ def test_a_driven_plate_holds_more_than_one_class_and_its_patches() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CELLS)
-def test_a_cell_takes_what_is_foreseen_within_a_factor_of_two(name: str) -> None:
-    took = taken(name)
-    assert 0.5 < took.peak_bytes / took.foreseen_bytes < 2.0
-    assert 0.5 < took.processor_s / took.foreseen_s < 2.0
+def test_a_cell_takes_what_is_foreseen(name: str) -> None:
+    assert peak_is_foreseen(name)
 
 
 @pytest.mark.slow
