@@ -286,7 +286,7 @@ def test_a_support_that_cannot_be_is_one_line(support: Any, said: str) -> None:
     assert len(fault.value.lines) == 1
 
 
-@pytest.mark.parametrize("words", [["drift"], ["explore"], ["export", "aster"], ["hybrid"], ["travel"]])
+@pytest.mark.parametrize("words", [["explore"], ["export", "aster"], ["hybrid"], ["travel"]])
 def test_commands_that_know_no_supports_refuse_them(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
