@@ -312,6 +312,8 @@ def image_rows(board: Any, trials: dict[str, Trial], seconds: float, stride: int
     endings: dict[str, list[Ending]] = {what: [] for what in trials}
     for moment in range(0, round(seconds / board.sample_s), stride):
         board.run(stride * board.sample_s)
+        if board.state != RUN:
+            raise RuntimeError(f"the plate is no longer held: faults {', '.join(fault_names(board.faults))}")
         for what, trial in trials.items():
             with board.undone():
                 endings[what].append(trial(board, moment))
@@ -347,8 +349,8 @@ def _runs(board: Any) -> bool:
     return bool(board.state == RUN)
 
 
-def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[Row]:
-    """Yield the rows measured on the images of both builds. Raises BuildError."""
+def held_images() -> tuple[Any, Any]:
+    """Make emulated boards of both builds that hold their plates. Raises BuildError."""
     from firmware.emulate.images import EmulatedSingle, EmulatedSix
     from firmware.emulate.plant import Beam, measured_table
 
@@ -361,6 +363,15 @@ def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[
     single.start(0.15 * GAIN)
     six.run(5e-3)
     six.start(0, 0.1)
+    for board in (single, six):
+        board.run_until(partial(_runs, board), 5.0)  # after the check of a first start
+        board.run(0.3)
+    return single, six
+
+
+def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[Row]:
+    """Yield the rows measured on the images of both builds. Raises BuildError."""
+    single, six = held_images()
     ffi, _ = load()
     single_kinds = BOARD_KINDS | sensor_kinds(break_single)
     six_kinds = BOARD_KINDS | sensor_kinds(break_one_of_six) | {"break pulled": lambda one: one.pull_break()}
@@ -368,8 +379,6 @@ def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[
         ("one mode", single, single_stride, single_kinds, bits_of(ffi, "an_single", WORDS)),
         ("six channels", six, six_stride, six_kinds, bits_of(ffi, "an_six", SIX_WORDS)),
     ):
-        board.run_until(partial(_runs, board), 5.0)  # after the check of a first start
-        board.run(0.3)
         trials = {f"image, {name}: {what}": breaking(go_wrong) for what, go_wrong in kinds.items()}
         trials[f"image, {name}: flipped bit"] = flipping(bits)
         yield from image_rows(board, trials, seconds, stride)

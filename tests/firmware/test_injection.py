@@ -55,6 +55,22 @@ def test_whatever_breaks_on_the_images_ends_at_rest(core) -> None:
         assert row.is_sound, row.text
 
 
+@pytest.mark.slow
+def test_a_bit_that_was_found_at_the_end_of_its_window_is_found_in_time(core) -> None:
+    """The bit that chooses the sums of a window, flipped 25 ticks before its end, in a second's injection."""
+    pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
+    try:
+        _, six = injection.held_images()
+    except BuildError as missing:
+        pytest.skip(str(missing))
+    growing = injection.bits_of(core.ffi, "an_six", ["fast.growing"])
+    six.run((13107 + 17) * six.sample_s)
+    assert six.state == RUN
+    with six.undone():
+        ending = injection.flipping(growing[1:2])(six, 13107)
+    assert ending.latched and ending.late <= 4, ending
+
+
 def test_an_output_that_passes_its_middle_is_not_taken_for_rest(core, rig) -> None:
     """The rig's own judgement: what no guard stops is told as unsafe."""
     result = injection.inject(rig, rig.lib.RIG_TRIP, [0], 0.01, 37, injection.SOON, injection.FURTHER)

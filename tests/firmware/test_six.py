@@ -892,12 +892,21 @@ def test_an_index_that_was_damaged_leads_nowhere(hosted) -> None:
         assert getattr(where, name) <= 6 and board.lib.an_six_check(board.app) == 0, name
 
 
-DAMAGED = ("fast.end", "fast.phase", "fast.step", "slow.hand.active", "slow.hand.posted", "slow.mismatched")
+DAMAGED = (
+    "fast.end",
+    "fast.growing",
+    "fast.phase",
+    "fast.step",
+    "fast.tick",
+    "slow.hand.active",
+    "slow.hand.posted",
+    "slow.mismatched",
+)
 
 
 @pytest.mark.parametrize("word", DAMAGED)
 def test_what_acts_is_compared_with_what_was_commanded(hosted, word: str) -> None:
-    """The next sample's look does: from the fifth bit of a window's end, from the tenth of others; lower ones harm nothing."""
+    """The next sample's look does: every bit of the tick and of the bank in use, the others' from the first that harms."""
     board = running(hosted)
     while board.fast.tick < 10:
         board.tick()
@@ -912,7 +921,7 @@ def test_what_acts_is_compared_with_what_was_commanded(hosted, word: str) -> Non
         return board.lib.an_six_check(board.app) | board.lib.an_six_look(board.app, board.samples)
 
     assert faults() == 0
-    first = {"fast.end": 5, "slow.mismatched": 11}.get(word, 10)
+    first = {"fast.end": 5, "fast.growing": 0, "fast.tick": 0, "slow.mismatched": 11}.get(word, 10)
     for bit in range(first, 32):
         board.ffi.buffer(board.app)[:] = saved
         setattr(where, name, getattr(where, name) ^ 1 << bit)

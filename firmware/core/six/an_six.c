@@ -446,6 +446,15 @@ static uint32_t check_indices(an_six *app)
            check_index(&app->slow.jobs[1].channels, AN_SIX);
 }
 
+/* Check that the samples of a window are added up in the bank of that window. */
+static uint32_t check_growing(an_six_fast *fast)
+{
+    const uint32_t bank = fast->tick < AN_SIX_GAP ? (uint32_t)AN_SIX_GAP_BANK : fast->window.bank ^ 1u;
+    const bool follows = fast->growing == bank;
+    fast->growing = bank;
+    return follows ? 0u : (uint32_t)AN_FAULT_MEMORY;
+}
+
 /* Check that drive, phase step and window are those commanded by the slow step for the active job, and that the
  * mismatch counter is plausible. After a fault the tick is at rest and ignores late commands. */
 static uint32_t check_job(const an_six *app)
@@ -467,7 +476,7 @@ static uint32_t check_sensors(const an_six *app)
 
 uint32_t an_six_check(an_six *app)
 {
-    return check_ticks(app) | check_indices(app) | check_job(app) | check_sensors(app);
+    return check_ticks(app) | check_indices(app) | check_growing(&app->fast) | check_job(app) | check_sensors(app);
 }
 
 /* True while the closed loop drives the plate: once a fault has opened the gates it does not. */
@@ -478,11 +487,14 @@ static bool is_tracking(const an_six *app)
            hand->trips == 0u;
 }
 
-/* Check that the phase accumulator advanced by one step since the last sample. */
-static uint32_t check_phase(an_six *app)
+/* Check that since the last sample the phase accumulator advanced by one step, and the tick by one or to a new period. */
+static uint32_t check_advance(an_six *app)
 {
-    const bool follows = app->fast.phase - app->fast.step == app->phase;
+    const bool turned = app->fast.phase - app->fast.step == app->phase;
+    const uint32_t next = app->tick + 1u;
+    const bool follows = turned && (app->fast.tick == next || (app->fast.tick == 0u && next == app->fast.end));
     app->phase = app->fast.phase;
+    app->tick = app->fast.tick;
     return follows ? 0u : (uint32_t)AN_FAULT_MEMORY;
 }
 
@@ -490,7 +502,7 @@ static uint32_t check_phase(an_six *app)
 uint32_t an_six_look(an_six *app, const uint16_t *adc)
 {
     const uint32_t clipped = app->fast.clipped + app->fast.window.clipped;
-    const uint32_t found = check_phase(app);
+    const uint32_t found = check_advance(app);
     if (!is_tracking(app) || clipped != 0u) {
         an_six_watch_forget(&app->watch);
         return found;

@@ -15,6 +15,7 @@ typedef struct {
     an_six_slow slow;
     an_six_watch watch; /* used by an_six_look */
     uint32_t phase;     /* of the carrier at the last sample */
+    uint32_t tick;      /* at the last sample */
     an_shape_head shape;
     uint32_t pattern;
     uint32_t channels;

@@ -21,6 +21,7 @@ void an_six_fast_init(an_six_fast *fast, uint32_t step, uint32_t window)
     an_clear(fast, sizeof *fast);
     fast->step = step;
     fast->end = AN_SIX_GAP + window;
+    fast->growing = AN_SIX_GAP_BANK;
     fast->command.step = step;
     fast->command.window = window;
 }
