@@ -27,10 +27,25 @@ python_use_unqualified_type_names = True
 
 
 def setup(app):  # type: ignore[no-untyped-def]
-    """Give the captions of the theme's navigation the level that a heading needs."""
+    """Let a reader without a mouse or without eyes find the way: levels of captions, focus for code, names of side bars."""
     app.connect("html-page-context", _levels, priority=900)
+    app.connect("build-finished", _named)
 
 
 def _levels(app, page, template, context, doctree):  # type: ignore[no-untyped-def]
     tree = "furo_navigation_tree"
     context[tree] = context.get(tree, "").replace('role="heading"', 'role="heading" aria-level="2"')
+
+
+def _named(app, fault):  # type: ignore[no-untyped-def]
+    """Let code that is wider than its frame take the focus, and name the theme's two side bars."""
+    changes = {
+        "<pre>": '<pre tabindex="0">',
+        '<aside class="sidebar-drawer"': '<aside aria-label="Site" class="sidebar-drawer"',
+        '<aside class="toc-drawer': '<aside aria-label="Page" class="toc-drawer',
+    }
+    for path in app.outdir.rglob("*.html"):
+        text = path.read_text(encoding="utf-8")
+        for old, new in changes.items():
+            text = text.replace(old, new)
+        path.write_text(text, encoding="utf-8")

@@ -9,13 +9,14 @@ import pytest
 
 from geometry.hex.boxes import hex_mesh as mesh_of
 from geometry.hex.boxes import panel_boxes
+from geometry.hex.panels import _side_nodes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar, Section, region_materials
 from geometry.materials import MATERIALS, Material, Stack
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.solid import rigid_body_modes
-from solvers.plates.assembled import Reductions, _side_nodes
+from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import KNOWN, ResidualModes, rigid_polynomials
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice
