@@ -28,18 +28,13 @@ python_use_unqualified_type_names = True
 
 def setup(app):  # type: ignore[no-untyped-def]
     """Let a reader without a mouse or without eyes find the way: levels of captions, focus for code, names of side bars."""
-    app.connect("html-page-context", _levels, priority=900)
     app.connect("build-finished", _named)
 
 
-def _levels(app, page, template, context, doctree):  # type: ignore[no-untyped-def]
-    tree = "furo_navigation_tree"
-    context[tree] = context.get(tree, "").replace('role="heading"', 'role="heading" aria-level="2"')
-
-
 def _named(app, fault):  # type: ignore[no-untyped-def]
-    """Let code that is wider than its frame take the focus, and name the theme's two side bars."""
+    """Write into the pages what the theme leaves out of them."""
     changes = {
+        'role="heading"': 'role="heading" aria-level="2"',
         "<pre>": '<pre tabindex="0">',
         '<aside class="sidebar-drawer"': '<aside aria-label="Site" class="sidebar-drawer"',
         '<aside class="toc-drawer': '<aside aria-label="Page" class="toc-drawer',

@@ -15,6 +15,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.answer_parts import LayerStress, WarmPlate
 from pipeline.models.modes import solve_modes
+from pipeline.models.prestress import bow_share
 from pipeline.planning import simplifications
 from pipeline.planning.model_choice import of_case
 from solvers.measures.loss import SHARES
@@ -100,7 +101,7 @@ def _at(case: Case, celsius: float, log: Log) -> WarmPlate:
     if row:
         own = {"frequency_hz": row.frequency_hz, "error": row.error, "mac": row.mac}
         own |= {"confinement_db": row.confinement_db, "confinement_error_db": row.confinement_error_db}
-    return WarmPlate(temperature_C=celsius, **own, left_out=bow_share(warm, celsius))
+    return WarmPlate(temperature_C=celsius, **own, left_out=left_out(warm, celsius))
 
 
 def _scaled(case: Case, celsius: list[float], log: Log) -> list[WarmPlate]:
@@ -159,11 +160,8 @@ def curvatures(stack: Stack) -> list[float] | None:
     return None if stack.warming is None else [float(each) for each in stack.warming.curvature_per_m[:2]]
 
 
-def bow_share(case: Case, celsius: float) -> float | None:
-    """Bound what the bow of a free layered plate changes of the target mode's frequency, relative.
-
-    A curvature c of the plate adds E t c^2 per area of deflection to D k^4: half of 12 (c/(t k^2))^2 of the frequency.
-    """
+def left_out(case: Case, celsius: float) -> float | None:
+    """Bound what the bow of a free layered plate changes of the target mode's frequency, relative."""
     stack, warming = case.design.stack, case.design.stack.warming
     if len(stack.layers) == 1:
         return 0.0
@@ -171,4 +169,4 @@ def bow_share(case: Case, celsius: float) -> float | None:
         return None
     k = max(case.target_kx_per_m, pi / case.design.width_m)
     bow = float(np.abs(warming.curvature_per_m).max()) * abs(celsius - USUAL_C) / (stack.thickness_m * k**2)
-    return 6.0 * bow**2
+    return bow_share(bow)

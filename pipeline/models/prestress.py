@@ -13,9 +13,6 @@ from pipeline.quantity import figure, percent
 from solvers.plates.assembled import PlateModel
 
 MPA = 1e6
-BENT = (
-    6.0  # half of 12 (w k / (t k))^2: what a bow w of a wave as short as the mode's changes of its frequency, at most
-)
 
 
 def load_with_stress(case: Case, model: PlateModel, log: Log) -> None:
@@ -46,9 +43,27 @@ def load_with_stress(case: Case, model: PlateModel, log: Log) -> None:
     along, across = (figure(each / MPA) for each in rest.mean_pa)
     until = f"it buckles at {figure(limit_c)} C" if isfinite(limit_c) else "it never buckles"
     log.info(f"mean thermal stress of the held plate: {along} MPa along x, {across} MPa along y; {until}")
-    bent = BENT * (rest.bow_m / case.design.thickness_m) ** 2
+    bent = bow_share(rest.bow_m / case.design.thickness_m)
     if bent > case.solve.accuracy:
         log.warning("BOW", f"the warm plate bows, which may change frequencies by {percent(bent)} and is left out")
+
+
+def bow_share(bow: float) -> float:
+    """Bound what the bow of a plate changes of the frequency of a mode whose waves are as short.
+
+    A bow w of curvature w k^2 adds E t (w k^2)^2 per area of deflection to D k^4: half of 12 (w/t)^2 of the frequency.
+
+    Parameters
+    ----------
+    bow : float
+        w/t, over the thickness of the plate.
+
+    Returns
+    -------
+    float
+        Relative change.
+    """
+    return 6.0 * bow**2
 
 
 def warn_of_free_cell(log: Log) -> None:

@@ -397,9 +397,13 @@ def _of_disc(panel: Panel, disc: Support, stack: Stack, settings: HexSettings) -
     mesh = of_boxes(bonded_scene(ends, stack, (), disc.box_m, True, settings), settings.order)
     if mesh.elements > MESHED:
         return mesh
-    own = len(disc_mesh(panel, stack, disc.radius_m, settings).nodes) / mesh.nodes
-    fill = Fill(*(own ** (4.0 / 3.0) * part for part in astuple(mesh.fill)))
-    return MeshCounts(own * mesh.elements, mesh.corners, own * mesh.nodes, own * mesh.pairs, fill)
+    return _times(mesh, len(disc_mesh(panel, stack, disc.radius_m, settings).nodes) / mesh.nodes)
+
+
+def _times(mesh: MeshCounts, more: float) -> MeshCounts:
+    """Counts of a mesh like another one with so many times its nodes."""
+    fill = Fill(*(more ** (4.0 / 3.0) * part for part in astuple(mesh.fill)))
+    return MeshCounts(more * mesh.elements, mesh.corners, more * mesh.nodes, more * mesh.pairs, fill)
 
 
 def _parallel_bytes(classes: int, solve: Cost) -> float:
@@ -478,8 +482,7 @@ def _of_hexahedra(design: Design, panel: Panel, reduction: ReductionSettings) ->
 
         settings = with_nodes_along(panel, reduction.interface.along, settings, meshed)
         own = len(meshed(settings).nodes) / mesh.nodes
-    fill = Fill(*(own ** (4.0 / 3.0) * part for part in astuple(mesh.fill)))
-    return MeshCounts(own * mesh.elements, mesh.corners, own * mesh.nodes, own * mesh.pairs, fill)
+    return _times(mesh, own)
 
 
 def fixed_modes(

@@ -167,8 +167,7 @@ def with_free_stress(system: System, stack: Stack) -> System:
             cells = regions[name]
             above = (height[cells, None] - low) / thickness
             own = warmer * (faces[0] + above * (faces[1] - faces[0]))
-            for component, (i, j) in enumerate(COMPONENTS):
-                stress[cells, i, j] = stress[cells, j, i] = own[:, component]
+            stress[cells] = sum(_in_plane(*axes, size) for axes, size in zip(COMPONENTS, own.T, strict=True))
     return with_stress(system, stress)
 
 

@@ -178,8 +178,7 @@ def _stiffness(system: System, free: BoolArray, held: tuple[IntArray, IntArray],
     inner = np.flatnonzero(pencil.free.ravel())
     pull = system.stiffness[rows]
     answer = Factoriser()(pencil.stiffness).solve(pull[:, inner].T @ motions)
-    stiff = motions.T @ (pull[:, rows] @ motions - pull[:, inner] @ answer)
-    return np.asarray((stiff + stiff.T) / 2.0)
+    return np.asarray(motions.T @ (pull[:, rows] @ motions - pull[:, inner] @ answer))
 
 
 def _on_disc(mesh: Mesh, at: FloatArray, radius_m: float, thickness_m: float) -> IntArray:

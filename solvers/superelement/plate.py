@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
 from operator import attrgetter
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,6 +30,7 @@ from solvers.superelement.interface import OFFSETS, SIDES, VERTICES, Interface
 from solvers.superelement.prestress import Prestress
 from solvers.superelement.supports import Action, Hold, actions, at_edge, held_dofs, rigid_count
 
+Kept = TypeVar("Kept")
 WHOLE = ""  # no mirror: every panel is assembled
 DROP_TOLERANCE = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
 
@@ -55,9 +57,8 @@ class AssembledPlate:
         self._number, self._sign = number[whole], sign
         self.placed_cells = [self._place(i, j, number[whole], sign) for i, j in self.grid.representative_cells()]
         self.holds: Sequence[Hold] = ()  # discs of the back face
-        self.stress: FloatArray | None = (
-            None  # thermal stress: size of each field in each placed cell, (cells, 9), scaled
-        )
+        # thermal stress: size of each field in each placed cell, (cells, 9), scaled
+        self.stress: FloatArray | None = None
 
     def _place(self, i: int, j: int, number: IntArray, sign: FloatArray) -> PlacedCell:
         dofs = self.grid.dofs(i, j)
@@ -265,9 +266,7 @@ def loss_of(cell: Cell) -> FloatArray:
     SolverError
         If the cell was reduced without it.
     """
-    if cell.loss is None:
-        raise SolverError("the cell was reduced without the loss of its materials")
-    return cell.loss
+    return _given(cell.loss, "the loss of its materials")
 
 
 def prestress_of(cell: Cell) -> Prestress:
@@ -288,9 +287,7 @@ def prestress_of(cell: Cell) -> Prestress:
     SolverError
         If the cell was reduced without them.
     """
-    if cell.prestress is None:
-        raise SolverError("the cell was reduced without the thermal stress of its layers")
-    return cell.prestress
+    return _given(cell.prestress, "the thermal stress of its layers")
 
 
 def part_of(number: int, cell: Cell) -> FloatArray:
@@ -313,9 +310,13 @@ def part_of(number: int, cell: Cell) -> FloatArray:
     SolverError
         If the cell was reduced without them.
     """
-    if cell.by_material is None:
-        raise SolverError("the cell was reduced without the parts of its materials")
-    return cell.by_material[number]
+    return np.asarray(_given(cell.by_material, "the parts of its materials")[number])
+
+
+def _given(value: Kept | None, what: str) -> Kept:
+    if value is None:
+        raise SolverError(f"the cell was reduced without {what}")
+    return value
 
 
 def _entries(matrix: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
