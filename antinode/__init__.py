@@ -61,34 +61,14 @@ HOMES = {  # module of each public name, and its name there
     "InputError": "pipeline.errors",
     "SolverError": "solvers.errors",
 }
-__all__ = [
-    "AntinodeWarning",
-    "InputError",
-    "Mode",
-    "Plate",
-    "SolverError",
-    "SweepTable",
-    "Target",
-    "__version__",
-    "load",
-    "open",
-]
-__all__ += [
-    "Air",
-    "Array",
-    "BandPath",
-    "Damping",
-    "Finger",
-    "Patches",
-    "Pillar",
-    "Scatter",
-    "Section",
-    "Solve",
-    "Zone",
-    "sweep",
-]
-__all__ += ["Attenuation", "Bands", "Broadband", "Crosstalk", "Drift", "Hybrid", "Modes", "Predesign", "Response"]
+__all__ = ["Plate", "load", "open", "sweep"]  # in the order of use, as the reference lists them
+__all__ += ["Modes", "Predesign"]
+__all__ += ["Attenuation", "Bands", "Broadband", "Crosstalk", "Drift", "Hybrid", "Response"]
 __all__ += ["Search", "Tolerance", "Touch", "Travel"]
+__all__ += ["Mode", "SweepTable", "Target"]
+__all__ += ["Array", "Patches", "Pillar", "Section", "Solve", "Zone"]
+__all__ += ["Air", "BandPath", "Damping", "Finger", "Scatter"]
+__all__ += ["AntinodeWarning", "InputError", "SolverError", "__version__"]
 
 
 def __getattr__(name: str) -> Any:

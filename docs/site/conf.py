@@ -16,6 +16,7 @@ suppress_warnings = ["myst.header"]  # decisions start below a title of their ow
 html_theme = "furo"
 html_title = f"Antinode {version}"
 html_show_sphinx = False
+html_static_path = html_css_files = ["site.css"]
 html_theme_options = {"top_of_page_buttons": []}  # their words lie outside every landmark
 myst_heading_anchors = 4
 default_role = "code"

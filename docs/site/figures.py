@@ -13,6 +13,8 @@ import antinode
 from geometry.hex.scenes import HexSettings
 from geometry.tiling import lattice_panel
 from pipeline.plots import style
+from pipeline.report.text import band_of_rows
+from solvers.measures.confinement import CONFINED_DB
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice
@@ -112,11 +114,31 @@ def before_and_after(figure: Any) -> None:
     sides[0].set_ylabel("y (mm), the zone between dashes")
 
 
+def decay_band(figure: Any) -> None:
+    """The band around the target mode in which the rows of the reference plate attenuate the zone's flexural waves."""
+    plate = antinode.load("studies/three-rows.toml")
+    decay, target = plate.attenuation(), plate.modes(symmetry=plate.case.target_symmetry).target
+    tone, per_row = decay.decay.T
+    axes = figure.subplots()
+    axes.plot(tone / 1e3, decay.rows * per_row, color=style.BLUE)
+    axes.axhline(CONFINED_DB, color=style.GREY, lw=0.8, ls="--")
+    low, high = np.array(band_of_rows(decay, target.frequency_hz)) / 1e3
+    axes.axvspan(
+        low, high, color=style.GREEN, alpha=0.2, lw=0, label=f"{CONFINED_DB:g} dB or more: {low:.1f} to {high:.1f} kHz"
+    )
+    mode = f"target mode: {target.frequency_hz / 1e3:.1f} kHz"
+    axes.axvline(target.frequency_hz / 1e3, color=style.VERMILION, label=mode)
+    axes.set(
+        xlabel="frequency (kHz)", ylabel=f"attenuation by {decay.rows} rows (dB)", xlim=(tone[0] / 1e3, tone[-1] / 1e3)
+    )
+    axes.legend()
+
+
 def main(name: str, ending: str = "svg") -> None:
     """Draw a figure into NAME.svg, or a file of another ending."""
     warnings.simplefilter("ignore", antinode.AntinodeWarning)
     with style.style():
-        figure = style.new_figure(style.WIDTH_IN, 2.6 if name == "superelement" else 3.6)
+        figure = style.new_figure(style.WIDTH_IN, 2.6 if name in ("superelement", "decay-band") else 3.6)
         globals()[name.replace("-", "_")](figure)
         figure.savefig(f"{name}.{ending}", bbox_inches="tight", dpi=150)
 

@@ -7,10 +7,12 @@ missing from their page.
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from os.path import normpath
 from pathlib import Path
 
 import pictures
@@ -31,6 +33,8 @@ def pages(source: Path, with_pictures: bool = True) -> None:
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(ROOT / "docs", source, ignore=shutil.ignore_patterns("site", "__pycache__"))
     shutil.copy(ROOT / "CHANGELOG.md", source / "changelog.md")
+    for page in source.rglob("*.md"):
+        page.write_text(_within(page.read_text(encoding="utf-8"), page.parent.relative_to(source)), encoding="utf-8")
     made = {name: "\n".join(lines()) for name, lines in reference.PAGES.items()}
     if with_pictures:
         (source / "gallery.md").write_text("\n".join(pictures.gallery_page(WORK / "pictures")), encoding="utf-8")
@@ -46,6 +50,16 @@ def pages(source: Path, with_pictures: bool = True) -> None:
             ignore=shutil.ignore_patterns("*.json"),
             dirs_exist_ok=True,
         )
+
+
+def _within(text: str, folder: Path) -> str:
+    """Keep the words of links that leave docs/, which the repository can follow and the site cannot."""
+
+    def kept(link: re.Match[str]) -> str:
+        leaves = normpath(folder / link[2]).startswith("..") and "://" not in link[2]
+        return link[1] if leaves else link[0]
+
+    return re.sub(r"(?<!!)\[([^]]*)\]\(([^)#\s]+)(?:#[^)]*)?\)", kept, text)
 
 
 def build(source: Path, target: Path) -> list[str]:

@@ -26,7 +26,7 @@ from pipeline.records.store import code_hash
 
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[1]
-FIGURES = ("superelement", "superelement-convergence", "error-bars")
+FIGURES = ("superelement", "superelement-convergence", "error-bars", "decay-band")
 PAGE, THUMBNAILS = ROOT / "docs" / "gallery.md", ROOT / "docs" / "pictures" / "gallery"
 TILE = (320, 220)  # pixels of a thumbnail
 DRAWN = ("picture", "command")

@@ -27,6 +27,7 @@ GROUPS = ("case", "files", "plan")  # of options that every question has
 # Arguments that name input files: these files are never overwritten.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
 
+FIRST = ("new",)  # before the questions, in the order of use; the other commands follow them as declared
 SELDOM = ("active", "check-gap", "completion", "schema")  # commands that the first page of help only names
 FAMILIES = {"active": ("compute analogy and control models", "active beam --gain 1e7 --gain 1e8 --out beam")}
 MAX_DIGITS = 40  # characters
@@ -207,6 +208,8 @@ def _parser(asked: str | None = None) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     with DECLARED.open("rb") as file:
         declared = tomllib.load(file)
+    begun = {name: declared["commands"].pop(name) for name in FIRST}
+    _add_declared(commands, begun, declared["groups"], asked)
     families: dict[str, Any] = {}
     for question in listed():
         family, _, word = question.command.rpartition(" ")
@@ -218,16 +221,21 @@ def _parser(asked: str | None = None) -> argparse.ArgumentParser:
         sub = _command(families.get(family, commands), word, about, question.example, handler)
         if asked is None or asked == (family or word):
             _add_options(sub, question, declared["groups"])
-    for name, about in declared["commands"].items():
+    _add_declared(commands, declared["commands"], declared["groups"], asked)
+    return parser
+
+
+def _add_declared(commands: Any, declared: dict[str, Any], groups: dict[str, Any], asked: str | None) -> None:
+    """Add commands of commands.toml with their options."""
+    for name, about in declared.items():
         sub = _command(commands, name, about["help"], about["example"], about["run"])
         own = about.get("options", {})
-        shared = {flag: words for group in about.get("groups", ()) for flag, words in declared["groups"][group].items()}
+        shared = {flag: words for group in about.get("groups", ()) for flag, words in groups[group].items()}
         positional = [flag for flag in own if not flag.startswith("-")]
         for flag in dict.fromkeys((*positional, *shared, *own)):
             _add(sub, flag, *(words for words in (shared.get(flag), own.get(flag)) if words is not None))
         if "add" in about and asked in (None, name):
             _function(about["add"])(sub)
-    return parser
 
 
 def _add_options(sub: argparse.ArgumentParser, listed: Listed, groups: dict[str, Any]) -> None:

@@ -15,10 +15,12 @@ from types import ModuleType
 import pytest
 from PIL import Image
 
+import antinode
 from pipeline import paths
 from pipeline.cli import view
 from pipeline.cli.main import _parser, main
 from pipeline.questions import registered
+from pipeline.report.text import band_of_rows
 from tests.helpers import site_fields
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -78,6 +80,36 @@ def test_the_readme_is_short_begins_with_a_moving_plate_and_leads_somewhere() ->
     with Image.open(ROOT / links[0]) as film:
         assert (film.n_frames, film.size) == (view.STEPS, view.SIZE)  # as `antinode view --off-screen` draws it
     assert (ROOT / links[0]).stat().st_size < 500_000
+
+
+@pytest.mark.parametrize(
+    "phrase, page",
+    [
+        ("triangular lattice", "explanation/confinement"),
+        ("screw", "how-to/supports"),
+        ("boundary conditions", "how-to/supports"),
+    ],
+)
+def test_a_search_finds_the_page_of_a_phrase_by_a_heading(phrase: str, page: str) -> None:
+    """The site's search lists a heading that contains the phrase and is at most twice as long."""
+    headings = re.findall(r"^#+ (.*)$", (DOCS / f"{page}.md").read_text(), re.MULTILINE)
+    assert [each for each in headings if phrase in each.lower() and len(each) <= 2 * len(phrase)]
+
+
+@pytest.mark.slow
+def test_the_cards_of_the_home_page_are_those_of_the_reference_plate() -> None:
+    plate = antinode.load(ROOT / "studies" / "three-rows.toml")
+    target = plate.modes(symmetry=plate.case.target_symmetry).target
+    peak = plate.response().target_peak
+    low, high = band_of_rows(plate.attenuation(), target.frequency_hz)
+    text = (DOCS / "index.md").read_text()
+    assert re.findall(r"\*\*(.*?)\*\*<br>", text) == [
+        f"{target.frequency_hz / 1e3:.2f} ± {target.frequency_hz * target.frequency_error / 1e3:.2f} kHz",
+        f"{peak.confinement_db:.1f} ± {peak.confinement_error_db:.1f} dB",
+        f"{peak.volts_per_um:.1f} ± {peak.volts_error_per_um:.1f} V",
+        f"{low / 1e3:.1f} to {high / 1e3:.1f} kHz",
+    ]
+    assert f"{target.confinement_db:.1f} dB as a mode" in text
 
 
 def test_the_gallery_has_thirty_examples_whose_commands_are_commands(site: dict[str, ModuleType]) -> None:
@@ -163,6 +195,12 @@ def test_the_site_has_no_dead_link_and_no_public_name_without_its_words(
     for each in [*pictures.examples(), *pictures.figure_examples()]:
         (gallery / each.file).touch()
     assert build.build(tmp_path / "source", tmp_path / "site") == []
+
+
+def test_links_that_leave_the_docs_keep_their_words(site: dict[str, ModuleType]) -> None:
+    page = "[a](../../x.toml) and [b](../y.md#z), [c](https://d.e/../../f), ![g](../pictures/h.svg)"
+    kept = "a and [b](../y.md#z), [c](https://d.e/../../f), ![g](../pictures/h.svg)"
+    assert site["build"]._within(page, Path("how-to")) == kept
 
 
 def test_a_dead_link_and_a_missing_name_are_faults(
