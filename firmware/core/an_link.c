@@ -227,7 +227,7 @@ void an_link_log(an_link *link, const an_record *record)
         an_put_object(link->log.payload + link->log.length, record, sizeof *record);
         link->log.length += LOG_RECORD;
     }
-    if (link->log.length == LOG_RECORD * AN_LOG_PER_FRAME && link->out_length == 0u) {
+    if (link->log.length >= LOG_RECORD * AN_LOG_PER_FRAME && link->out_length == 0u) {
         link->log.kind = AN_LOG_RECORDS;
         link->log.sequence++;
         link->out_length = an_frame_write(link->out, &link->log);

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from firmware.emulate.plant import Plate, Structure, plate_from_table
 from firmware.host import Supervised
 from firmware.mode_table import from_bytes
 from firmware.protocol import IDENTIFY, RUN, fault_names
+
+if TYPE_CHECKING:
+    from firmware.emulate.images import EmulatedPort
 
 NEEDS = {"unicorn": "unicorn", "cffi": "cffi", "elftools": "pyelftools"}
 WINDOW_S = 50 / 250e3
@@ -144,6 +148,38 @@ def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardR
     }
     frequency_hz = board.app.centre / 2**32 * plate.sample_rate_hz
     return BoardRun(columns, swept, frequency_hz, mode.tau_s, gain, mode.delay_s, image.compiler)
+
+
+def emulated_port(table: bytes, plate: Plate | None = None) -> EmulatedPort:
+    """Return the serial port of an emulated board that runs the unmodified single-mode image with a table.
+
+    The board's time advances by one millisecond with each read.
+
+    Parameters
+    ----------
+    table : bytes
+        Mode table.
+    plate : Plate, optional
+        By default the plate described by the table, with noise of 1e-3 of full scale.
+
+    Returns
+    -------
+    EmulatedPort
+        Port for a `firmware.client.client.Client`; its `board` runs on with `board.run(seconds)`.
+
+    Raises
+    ------
+    BuildError
+        If the image cannot be built; exit_code is 5 if a package is missing.
+    ValueError
+        If the table is damaged.
+    """
+    with _built(table, "single") as image:
+        from firmware.emulate.images import EmulatedPort, EmulatedSingle
+
+        board = EmulatedSingle(image.elf, plate or plate_from_table(table, noise=1e-3))
+    board.run(2e-3)
+    return EmulatedPort(board)
 
 
 def six_run(table: bytes, plate: Structure, patterns: int, seconds: float) -> NDArray[np.complex128]:

@@ -40,6 +40,25 @@ GATES, BREAK_SEEN = 1 << 15, 1 << 7
 SWING = 1080 / 1125  # of the supply, at full drive
 
 
+class EmulatedPort:
+    """Serial port of an emulated board, for a Client; each read waits one millisecond of the board's time."""
+
+    def __init__(self, board: EmulatedBoard) -> None:
+        self.board = board
+
+    def write(self, data: bytes) -> int:
+        """Send bytes to the board."""
+        self.board.send(data)
+        return len(data)
+
+    def read(self, size: int = 1) -> bytes:
+        """Return bytes sent by the board, at most `size`."""
+        self.board.run(1e-3)
+        taken = bytes(self.board.received[:size])
+        del self.board.received[:size]
+        return taken
+
+
 class EmulatedSingle(EmulatedBoard):
     """Board with the application as `app`; reports holds (measured, drive, reference) for each window."""
 

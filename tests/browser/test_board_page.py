@@ -85,7 +85,7 @@ def board(make_image: Callable[..., Any], core: Any) -> Any:  # noqa: F811
 
 
 def test_the_page_shows_the_emulated_board_and_stops_it(seen: Any, board: Any) -> None:
-    from tests.helpers.board_probes import EmulatedPort
+    from firmware.emulate.images import EmulatedPort
 
     port = EmulatedPort(board)
     client = Client(port)
@@ -112,7 +112,7 @@ def test_the_page_shows_the_emulated_board_and_stops_it(seen: Any, board: Any) -
 
 
 def test_faults_are_named_with_what_to_check_and_cleared(seen: Any, board: Any) -> None:
-    from tests.helpers.board_probes import EmulatedPort
+    from firmware.emulate.images import EmulatedPort
 
     board.app.fast.faults |= Fault.MISMATCH
     board.run(2e-3)

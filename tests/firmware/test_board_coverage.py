@@ -25,9 +25,9 @@ def visit(tmp_path, monkeypatch, core):
     """Boards of a build whose branches are recorded from their first start on; without unrolled loops, whose copies are no
     branches of the source."""
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.images import EmulatedSingle, EmulatedSix
+    from firmware.emulate.images import EmulatedPort, EmulatedSingle, EmulatedSix
     from firmware.image import Elf
-    from tests.helpers.board_probes import BranchRecorder, EmulatedPort, routines_of_the_board
+    from tests.helpers.board_probes import BranchRecorder, routines_of_the_board
 
     monkeypatch.setattr(builder, "LANGUAGE", (*builder.LANGUAGE, "-fno-unroll-loops"))
 

@@ -35,8 +35,7 @@ def taken(client: Client) -> np.ndarray:
 @pytest.fixture
 def boards(make_image, core):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.images import EmulatedSingle, EmulatedSix
-    from tests.helpers.board_probes import EmulatedPort
+    from firmware.emulate.images import EmulatedPort, EmulatedSingle, EmulatedSix
 
     def make(variant: str):
         kind, table, world = (EmulatedSingle, SINGLE, PLATE) if variant == "single" else (EmulatedSix, SIX, Beam())

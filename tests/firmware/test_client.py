@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 
 from firmware.client import actions, client, command_line
+from firmware.emulate.images import EmulatedPort
 from firmware.emulate.plant import Plate, Resonance
 from firmware.mode_table import Mode, ModeTable, to_bytes
 from firmware.protocol import PROTOCOL
-from tests.helpers.board_probes import EmulatedPort
 from tests.helpers.fake_board import write_sound
 
 MODE = Mode(31250.0, 3e-3, -0.75j, 9.3e-6, frequency_identified=True)

@@ -126,8 +126,7 @@ def test_the_image_keeps_them_and_says_so(make_image, core) -> None:
     """Values put where an identification would: the next start of the same image has them; an upload ends that."""
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
     from firmware.client.client import Client, describe_health
-    from firmware.emulate.images import EmulatedSingle
-    from tests.helpers.board_probes import EmulatedPort
+    from firmware.emulate.images import EmulatedPort, EmulatedSingle
 
     for has_backup in (True, False):
         board = EmulatedSingle(make_image(UNKNOWN).elf, PLATE, has_backup=has_backup)

@@ -27,8 +27,7 @@ OTHER = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality_factor(29000.0, 
 @pytest.fixture
 def talk(make_image, core):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.images import EmulatedSingle
-    from tests.helpers.board_probes import EmulatedPort
+    from firmware.emulate.images import EmulatedPort, EmulatedSingle
 
     def make(table: bytes = KNOWN, plate: Plate = PLATE, **options):
         board = EmulatedSingle(make_image(table).elf, plate, **options)
@@ -151,6 +150,18 @@ def test_log_records_what_happened(talk) -> None:
     assert {b.window - a.window for a, b in pairwise(records)} == {10}
     assert records[-1].reference == pytest.approx(0.1)
     assert abs(records[-1].measured) == pytest.approx(0.1, rel=0.05)
+
+
+def test_a_log_goes_on_while_the_host_asks_for_the_status(talk) -> None:
+    """A frame of records that is full while a reply is being sent goes out with one record more."""
+    _, client = talk()
+    client.log(2)
+    client.start(0.1)
+    records = []
+    for _ in range(30):
+        client.status()
+        records += client.take_records()
+    assert len(records) > 100 and {b.window - a.window for a, b in pairwise(records)} == {2}
 
 
 def test_a_table_goes_up_and_survives_a_reset(talk) -> None:

@@ -495,7 +495,8 @@ def test_a_halted_core_halts_what_runs_by_itself_and_an_overflowing_stack_faults
 
 
 def test_pattern_over_the_line_on_the_emulated_board(make_six, core) -> None:
-    from tests.helpers.board_probes import EmulatedPort, hear_earlier
+    from firmware.emulate.images import EmulatedPort
+    from tests.helpers.board_probes import hear_earlier
 
     board = make_six(table(matrix=seen_matrix()))
     client = Client(EmulatedPort(board))
@@ -613,7 +614,7 @@ def test_a_fault_opens_the_gates_in_the_interrupt_that_finds_it(make_six) -> Non
 
 
 def test_a_table_goes_up_and_is_used(make_six) -> None:
-    from tests.helpers.board_probes import EmulatedPort
+    from firmware.emulate.images import EmulatedPort
 
     board = make_six(table(matrix=seen_matrix()))
     client = Client(EmulatedPort(board))
@@ -633,7 +634,7 @@ def test_a_dead_crystal_keeps_the_gates_open_for_good(make_six) -> None:
 
 
 def test_flash_memory_that_does_not_take_a_table_is_a_fault(make_six) -> None:
-    from tests.helpers.board_probes import EmulatedPort
+    from firmware.emulate.images import EmulatedPort
 
     board = make_six(table(matrix=seen_matrix()))
     client = Client(EmulatedPort(board))
@@ -700,7 +701,7 @@ def test_the_lowest_tone_lives_with_the_fastest_watchdog(make_six) -> None:
 
 def test_a_table_that_resets_the_board_is_left_alone_at_the_fourth_start(make_six) -> None:
     """Whatever hangs the board: the line comes back, and takes another table."""
-    from tests.helpers.board_probes import EmulatedPort
+    from firmware.emulate.images import EmulatedPort
 
     board = make_six(table(matrix=seen_matrix()))
     for count in range(3):

@@ -19,25 +19,6 @@ from firmware.emulate.images import ADC_SR, OVERRUN, SCAN_LEFT, EmulatedSix
 from firmware.image import Elf
 
 
-class EmulatedPort:
-    """Port with the write and read of pyserial; each read waits one millisecond of the board's time."""
-
-    def __init__(self, board: EmulatedBoard) -> None:
-        self.board = board
-
-    def write(self, data: bytes) -> int:
-        """Send bytes to the board."""
-        self.board.send(data)
-        return len(data)
-
-    def read(self, size: int = 1) -> bytes:
-        """Return bytes sent by the board, at most `size`."""
-        self.board.run(1e-3)
-        taken = bytes(self.board.received[:size])
-        del self.board.received[:size]
-        return taken
-
-
 def lose_stack(board: EmulatedBoard) -> None:
     """Move the stack pointer outside the stack, so that its next use faults."""
     board.uc.reg_write(UC_ARM_REG_SP, RAM + RAM_BYTES - 64)
