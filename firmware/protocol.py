@@ -12,14 +12,15 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 
-from firmware.mode_table import MAX_BYTES, crc32
+from firmware.mode_table import ALLOWED, FREQUENCY_HIGH, GAIN, MAX_BYTES, MIN_MODE_HZ, RATE_HZ, crc32
 
 PAYLOAD_MAX = 120
 FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the first COBS code and the final zero
 REPLY = 0x80
 LOG_RECORDS = 0xC0
 BAUD = 921600
-PROTOCOL = 5  # version
+CHIRP_ROWS = 1024  # steps of a chirp that the board records
+PROTOCOL = 6  # version
 
 
 class ProtocolError(ValueError):
@@ -47,6 +48,8 @@ class Kind(IntEnum):
     HEALTH = 16
     CAPTURE = 17
     CAPTURED = 18
+    CHIRP = 19
+    MEASURED = 20
 
 
 class Result(IntEnum):
@@ -275,6 +278,36 @@ class CapturedRequest:
     first: Annotated[int, "<u4", ANY]
 
 
+@dataclass(frozen=True)
+class Chirp:
+    """Drive a periodic chirp about a carrier, and record its response in place of a capture.
+
+    Each step lasts some windows. The drive's phase is 0 at the first step of a period; from one step to the next it
+    advances by `advance`, which itself grows by `growth` (2^32 per turn). Recording begins after the steps to settle.
+    """
+
+    frequency_hz: Annotated[float, "<f4", Range(MIN_MODE_HZ, FREQUENCY_HIGH * RATE_HZ["single"], "Hz")]
+    level: Annotated[float, "<f4", Range(0.0, 1.0, "of the drive limit")]
+    advance: Annotated[int, "<u4", ANY]
+    growth: Annotated[int, "<u4", ANY]
+    steps: Annotated[int, "<u4", Range(1, CHIRP_ROWS)]
+    every: Annotated[int, "<u4", EVERY]
+    settle: Annotated[int, "<u4", Range(1, CHIRP_ROWS)]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Take over a measured mode, as the board's own identification does; the next start checks it."""
+
+    frequency_hz: Annotated[float, "<f4", Range(MIN_MODE_HZ, FREQUENCY_HIGH * RATE_HZ["single"], "Hz")]
+    tau_s: Annotated[float, "<f4", Range(*ALLOWED["tau_s"], "s")]
+    gain: Annotated[complex, "<c8", Range(*GAIN)]
+    delay_s: Annotated[float, "<f4", Range(*ALLOWED["delay_s"], "s")]
+    neighbour: Annotated[float, "<f4", Range(0.0, GAIN[1])]
+    motion: Annotated[float, "<f4", SHARE]
+    misfit: Annotated[float, "<f4", Range(0.0, 1.0)]
+
+
 REQUESTS: dict[Kind, tuple[type, ...]] = {
     Kind.START: (Start, SixStart),
     Kind.REFERENCE: (Reference,),
@@ -285,6 +318,8 @@ REQUESTS: dict[Kind, tuple[type, ...]] = {
     Kind.PATTERN: (Choose,),
     Kind.CAPTURE: (CaptureRequest,),
     Kind.CAPTURED: (CapturedRequest,),
+    Kind.CHIRP: (Chirp,),
+    Kind.MEASURED: (Measured,),
 }  # with a payload of fixed length; UPLOAD_DATA has an offset (u4) and bytes, SAMPLES factors (u2, 65535 = 1)
 
 
@@ -297,6 +332,7 @@ class Flag(IntFlag):
     LIMITED = 8
     RETRIES = 16
     EASED = 32
+    DISPLACEMENT = 64  # the sensor follows displacement, not velocity
 
 
 @dataclass(frozen=True)
@@ -362,6 +398,8 @@ class SingleStatus(Status):
     deviation of the fitted resonance relative to the response.
     """
 
+    drive_limit: F4
+    amplitude_limit: F4
     detuning_hz: F4
     tau_s: F4
     gain: C8

@@ -125,6 +125,7 @@ def header() -> str:
                 "FAULT_COUNT": len(FAULTS),
                 "PROTOCOL": protocol.PROTOCOL,
                 "PAYLOAD_MAX": protocol.PAYLOAD_MAX,
+                "CHIRP_ROWS": protocol.CHIRP_ROWS,
                 "TABLE_VERSION": table.VERSION,
                 "CHANNELS": table.CHANNELS,
                 "PATTERNS": table.PATTERNS,
@@ -156,6 +157,9 @@ def header() -> str:
         f"#define AN_FREQUENCY_HIGH {number(table.FREQUENCY_HIGH)} /* of the sample rate */\n"
         f"#define AN_GAIN_LOW {number(table.GAIN[0])} /* larger of the parts */\n"
         f"#define AN_GAIN_HIGH {number(table.GAIN[1])}\n"
+        f"#define AN_TAU_LOW_S {number(table.ALLOWED['tau_s'][0])}\n"
+        f"#define AN_TAU_HIGH_S {number(table.ALLOWED['tau_s'][1])}\n"
+        f"#define AN_DELAY_HIGH_S {number(table.ALLOWED['delay_s'][1])}\n"
         f"#define AN_WEIGHT_HIGH {number(table.WEIGHT_HIGH)}\n"
         f"#define AN_MATRIX_HIGH {number(table.MATRIX_HIGH)}\n"
         f"#define AN_DETUNING_MAX_HZ {number(protocol.limits(protocol.Start, 'detuning_hz').high)}\n",

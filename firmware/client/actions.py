@@ -172,9 +172,29 @@ def stop(client: Client, text: argparse.Namespace) -> None:
 
 
 def identify(client: Client, text: argparse.Namespace) -> None:
-    """Measure the plate, then rest."""
-    client.identify()
-    keep_running(client, "identify")
+    """Measure the plate and load the values, then hold an amplitude, or rest."""
+    if isinstance(client.status(), SingleStatus):
+        _identify_by_chirps(client, text.plot)
+    else:
+        client.identify()
+        keep_running(client, "identify")
+    if text.reference is not None:
+        client.start(client.share_of(text.reference))
+        keep_running(client, "identify")
+
+
+def _identify_by_chirps(client: Client, picture: Path | None) -> None:
+    from firmware.client import identify as plate
+
+    try:
+        found = plate.identify(client)
+    except plate.NotIdentified as error:
+        if picture:
+            plate.draw(picture, error.response, error.fitted)
+        raise
+    print(plate.describe(found), flush=True)
+    if picture:
+        plate.draw(picture, found.response, found.fit)
 
 
 def without_fault(result: SingleStatus | SixStatus, action: str) -> None:

@@ -26,6 +26,7 @@ from firmware.protocol import (
     Captured,
     CapturedRequest,
     CaptureRequest,
+    Chirp,
     Choose,
     Health,
     Identity,
@@ -245,6 +246,10 @@ class Client:
             Offset of the drive from the resonance, in Hz.
         """
         self._drive(Kind.START, pack(Start(reference, detuning_hz)))
+
+    def chirp(self, chirp: Chirp) -> None:
+        """Drive a chirp and record its response, until stopped; requires contact at least twice per second."""
+        self._drive(Kind.CHIRP, pack(chirp))
 
     def stop(self) -> None:
         """Return to rest."""

@@ -167,7 +167,22 @@ ACTIONS = {
             ),
         ),
     ),
-    "identify": Action("measure the plate again, then rest", actions.identify),
+    "identify": Action(
+        "measure the plate, choose and load the gains, then hold REFERENCE until Ctrl-C (without it: rest)",
+        actions.identify,
+        (
+            argument(
+                "reference",
+                type=level,
+                nargs="?",
+                metavar="REFERENCE",
+                help="amplitude: 1.5um, or 0 to 1 of the sensor's full scale (0: the lowest useful level)",
+            ),
+            argument(
+                "--plot", type=Path, metavar="FILE", help="picture of response, fit and coherence: .png, .svg or .pdf"
+            ),
+        ),
+    ),
     "start": Action(
         "drive the target mode and hold it (without REFERENCE: the lowest useful level) until Ctrl-C",
         actions.start,
@@ -265,14 +280,20 @@ def with_port(arguments: list[str]) -> list[str]:
     return ["auto", *rest] if rest and (rest[0] in (*ACTIONS, PAGE) or is_word) else rest
 
 
+PICTURES = (".png", ".svg", ".pdf")
+
+
 def prepare(text: argparse.Namespace) -> None:
     """Read and check the files of an action before contacting the board. Raises ValueError."""
+    written = text.file if text.action in ("log", "capture") else getattr(text, "plot", None)
+    if written and (written.exists() or not written.parent.is_dir()):
+        raise ValueError(f"{written}: {'file already exists' if written.exists() else 'no such folder'}")
     if text.action == "upload":
         text.table = table_of(text)
     elif text.action == "stream":
         text.factors = actions.factors_of(text.file, actions.WINDOW_HZ / text.every)
-    elif text.action in ("log", "capture") and (text.file.exists() or not text.file.parent.is_dir()):
-        raise ValueError(f"{text.file}: {'file already exists' if text.file.exists() else 'no such folder'}")
+    elif text.action == "identify" and text.plot and text.plot.suffix not in PICTURES:
+        raise ValueError(f"{text.plot}: must end in {', '.join(PICTURES)}")
 
 
 def main(arguments: list[str] | None = None) -> int:

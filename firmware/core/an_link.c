@@ -90,6 +90,18 @@ static an_result begin_capture(an_link *link, const an_message *request)
     return an_capture_begin(link->capture, an_get32(request->payload)) ? AN_OK : AN_BAD_VALUE;
 }
 
+/* Its response is recorded in place of a capture. */
+static an_result begin_chirp(an_link *link, const an_message *request, an_message *reply)
+{
+    const an_result begun = an_application_handle_request(link->app, link->build, request, NULL, reply);
+    if (begun == AN_OK) {
+        an_chirp_request given;
+        an_get_object(&given, request->payload, sizeof given);
+        an_capture_begin_chirp(link->capture, given.settle);
+    }
+    return begun;
+}
+
 /* Reply with the number of words so far and in total, the words per row, and the words from the requested index
  * onwards. */
 static an_result report_captured(const an_link *link, const an_message *request, an_message *reply)
@@ -124,6 +136,8 @@ static an_result answer(an_link *link, const an_message *request, an_message *re
         return report_health(link, reply);
     case AN_CAPTURE:
         return begin_capture(link, request);
+    case AN_CHIRP:
+        return begin_chirp(link, request, reply);
     case AN_CAPTURED:
         return report_captured(link, request, reply);
     default:

@@ -23,6 +23,8 @@ typedef enum {
     AN_HEALTH = 16,
     AN_CAPTURE = 17,
     AN_CAPTURED = 18,
+    AN_CHIRP = 19,
+    AN_MEASURED = 20,
     AN_REPLY = 0x80,
     AN_LOG_RECORDS = 0xc0,
 } an_kind;
@@ -89,12 +91,14 @@ typedef enum {
     AN_STATUS_LIMITED = 8,
     AN_STATUS_RETRIES = 16,
     AN_STATUS_EASED = 32,
+    AN_STATUS_DISPLACEMENT = 64,
 } an_status_flag;
 
 enum {
     AN_FAULT_COUNT = 17,
-    AN_PROTOCOL = 5,
+    AN_PROTOCOL = 6,
     AN_PAYLOAD_MAX = 120,
+    AN_CHIRP_ROWS = 1024,
     AN_TABLE_VERSION = 2,
     AN_CHANNELS = 6,
     AN_PATTERNS = 8,
@@ -174,6 +178,30 @@ typedef struct {
 } an_captured_request;
 _Static_assert(sizeof(an_captured_request) == 4u, "packed");
 
+/* Drive a periodic chirp about a carrier, and record its response in place of a capture. */
+typedef struct {
+    float frequency_hz;
+    float level;
+    uint32_t advance;
+    uint32_t growth;
+    uint32_t steps;
+    uint32_t every;
+    uint32_t settle;
+} an_chirp_request;
+_Static_assert(sizeof(an_chirp_request) == 28u, "packed");
+
+/* Take over a measured mode, as the board's own identification does; the next start checks it. */
+typedef struct {
+    float frequency_hz;
+    float tau_s;
+    an_complex gain;
+    float delay_s;
+    float neighbour;
+    float motion;
+    float misfit;
+} an_measured_request;
+_Static_assert(sizeof(an_measured_request) == 32u, "packed");
+
 /* Status common to both builds. */
 typedef struct {
     uint8_t state_number;
@@ -192,6 +220,8 @@ _Static_assert(sizeof(an_status) == 32u, "packed");
 /* Status of the single-mode build; while it runs, frequency, tau and gain are the tracked ones. */
 typedef struct {
     an_status head;
+    float drive_limit;
+    float amplitude_limit;
     float detuning_hz;
     float tau_s;
     an_complex gain;
@@ -204,7 +234,7 @@ typedef struct {
     an_complex drive;
     float offset;
 } an_single_status;
-_Static_assert(sizeof(an_single_status) == sizeof(an_status) + 56u, "packed");
+_Static_assert(sizeof(an_single_status) == sizeof(an_status) + 64u, "packed");
 
 /* Status of the six-channel build: condition number of T (0: unknown), largest reference, and sensors. */
 typedef struct {
@@ -310,7 +340,9 @@ _Static_assert(sizeof(an_shape_row) == 756u, "packed");
     [AN_UPLOAD_BEGIN] = sizeof(an_upload_begin_request), \
     [AN_PATTERN] = sizeof(an_choose_request), \
     [AN_CAPTURE] = sizeof(an_capture_request), \
-    [AN_CAPTURED] = sizeof(an_captured_request)
+    [AN_CAPTURED] = sizeof(an_captured_request), \
+    [AN_CHIRP] = sizeof(an_chirp_request), \
+    [AN_MEASURED] = sizeof(an_measured_request)
 
 /* Allowed ranges of single numbers: offset, lowest, highest. */
 #define AN_HEADER_BOUNDS \
@@ -331,6 +363,9 @@ _Static_assert(sizeof(an_shape_row) == 756u, "packed");
 #define AN_FREQUENCY_HIGH 0.4f /* of the sample rate */
 #define AN_GAIN_LOW 1e-06f /* larger of the parts */
 #define AN_GAIN_HIGH 1000.0f
+#define AN_TAU_LOW_S 1e-06f
+#define AN_TAU_HIGH_S 10.0f
+#define AN_DELAY_HIGH_S 0.001f
 #define AN_WEIGHT_HIGH 1.0f
 #define AN_MATRIX_HIGH 1000.0f
 #define AN_DETUNING_MAX_HZ 500.0f

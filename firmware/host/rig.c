@@ -105,6 +105,7 @@ bool rig_tick(rig_single *rig)
     const bool ended = rig->app.fast.tick == 0u;
     if (ended) {
         an_single_slow(&rig->app);
+        an_single_capture(&rig->app, &rig->capture);
     }
     if (++rig->looked >= (uint32_t)AN_WATCH_TICKS) {
         rig->looked = 0u;

@@ -6,6 +6,7 @@
 #ifndef RIG_H
 #define RIG_H
 
+#include "an_capture.h"
 #include "an_single.h"
 #include "an_types.h"
 
@@ -45,6 +46,7 @@ typedef struct {
 typedef struct {
     an_single app;
     rig_plate plate;
+    an_capture capture;
     uint32_t code;
     uint32_t looked; /* ticks since the last check by the guard */
     double last_sensed;

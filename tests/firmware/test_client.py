@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from firmware.client import actions, client, command_line
+from firmware.client import actions, client, command_line, identify
 from firmware.emulate.images import EmulatedPort
 from firmware.emulate.plant import Plate, Resonance
 from firmware.mode_table import Mode, ModeTable, to_bytes
-from firmware.protocol import PROTOCOL
+from firmware.protocol import PROTOCOL, RUN
 from tests.helpers.fake_board import write_sound
 
 MODE = Mode(31250.0, 3e-3, -0.75j, 9.3e-6, frequency_identified=True)
@@ -26,12 +26,12 @@ TABLE = to_bytes(ModeTable(250e3, bytes(16), (MODE,)))
 PLATE = Plate((Resonance(31250.0, 3e-3, 0.77),), delay_s=7.3e-6)
 
 
-@pytest.fixture
-def board(make_image, core, monkeypatch: pytest.MonkeyPatch):
+def plug(monkeypatch: pytest.MonkeyPatch, image: Path, plate: Plate):
+    """An emulated board on the port COM7."""
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
     from firmware.emulate.images import EmulatedSingle
 
-    made = EmulatedSingle(make_image(TABLE).elf, PLATE)
+    made = EmulatedSingle(image, plate)
     made.run(1e-3)
 
     class Serial(EmulatedPort):
@@ -49,6 +49,11 @@ def board(make_image, core, monkeypatch: pytest.MonkeyPatch):
     fake.Serial, fake.SerialException = Serial, OSError  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "serial", fake)
     return made
+
+
+@pytest.fixture
+def board(make_image, core, monkeypatch: pytest.MonkeyPatch):
+    return plug(monkeypatch, make_image(TABLE).elf, PLATE)
 
 
 def test_status_is_printed(board, capsys) -> None:
@@ -133,6 +138,30 @@ def test_identity_and_health_are_told(board, capsys) -> None:
     assert command_line.main(["COM7", "health"]) == 0
     out = capsys.readouterr().out
     assert "clock 180 MHz, consecutive watchdog resets 0" in out and "exception" not in out
+
+
+@pytest.mark.slow
+def test_one_command_takes_a_blank_board_to_a_held_plate(make_image, core, capsys, tmp_path: Path, monkeypatch) -> None:
+    """The image itself, with a table 3 % off and without any measured value: chirps, fit, gains, picture, check, hold."""
+    plate = Resonance(31437.3, 1000.0 / (math.pi * 31437.3), 0.8)
+    blank = to_bytes(ModeTable(250e3, bytes(16), (Mode(31437.3 / 1.03, 3e-3),)))
+    board = plug(monkeypatch, make_image(blank).elf, Plate((plate,), delay_s=7.3e-6, noise=1e-3))
+    monkeypatch.setattr(actions, "keep_running", lambda talk, action: _hold(board, talk))
+    clock = types.SimpleNamespace(monotonic=lambda: board.time_s, sleep=board.run)
+    monkeypatch.setattr(identify, "time", clock)
+    assert command_line.main(["COM7", "identify", "0.1", "--plot", str(tmp_path / "plate.png")]) == 0
+    out = capsys.readouterr().out
+    assert "mode 31437.3" in out and "fit of 1 mode" in out and "phase margin 7" in out
+    assert (tmp_path / "plate.png").read_bytes()[:4] == b"\x89PNG"
+    assert board.state == RUN and board.faults == 0 and board.app.base.measured == 1
+    assert abs(board.app.slow.pi.measured.re) == pytest.approx(0.1, rel=0.01)
+    assert board.time_s < 10.0
+
+
+def _hold(board, talk) -> None:
+    for _ in range(3):
+        board.run(0.1)
+        talk.status()
 
 
 def test_identify_measures_again_until_it_is_stopped(board) -> None:

@@ -56,7 +56,7 @@ class Interrupted(FakePort):
 @pytest.mark.parametrize("action", [("start", "0.1"), ("identify",), ("pattern", "1")])
 def test_ctrl_c_stops_what_was_started_here(monkeypatch: pytest.MonkeyPatch, capsys, action: tuple[str, ...]) -> None:
     port = Interrupted()
-    if action[0] == "pattern":
+    if action[0] in ("pattern", "identify"):
         port.status = SIX_STATUS
         port.looks = 1  # the state before is asked for first
         monkeypatch.setattr(actions, "DRIVING", ("idle", "run"))
@@ -115,7 +115,8 @@ def test_what_ends_in_a_fault_is_a_failure(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys, action: str
 ) -> None:
     write_sound(tmp_path / "a.wav", [0, 255], width=1)
-    port = FakePort(status=single_status(FAULT, Fault.IDENTIFY))
+    six = bytes([FAULT]) + SIX_STATUS[1:4] + struct.pack("<I", Fault.IDENTIFY) + SIX_STATUS[8:]
+    port = FakePort(status=six if action == "identify" else single_status(FAULT, Fault.IDENTIFY))
     assert run(monkeypatch, port, action, *([str(tmp_path / "a.wav")] if action == "stream" else [])) == 3
     assert capsys.readouterr().err.startswith(f"client: {action}: ended with fault identify")
 

@@ -26,9 +26,9 @@ def single_status(
     metres: float = 0.0,
 ) -> bytes:
     """A status of the single build: 31250 Hz, 3 ms, gain 0.75, at rest."""
-    mode = (31250.0, metres, 0.0, 3e-3, 0.75, 0.0, 9e-6, 0.0, 0.3, 0.002)
+    mode = (31250.0, metres, 1.0, 0.8, 0.0, 3e-3, 0.75, 0.0, 9e-6, 0.0, 0.3, 0.002)
     return struct.pack(
-        "<BBBBIIIII16f", state, 0, 0, flags, faults, first, windows, 0, cycles, *mode, reference, *[0.0] * 4, offset
+        "<BBBBIIIII18f", state, 0, 0, flags, faults, first, windows, 0, cycles, *mode, reference, *[0.0] * 4, offset
     )
 
 

@@ -215,3 +215,38 @@ def save(rig: SingleRig) -> bytes:
 def restore(rig: SingleRig, saved: bytes) -> None:
     """Restore a saved state."""
     rig.ffi.buffer(rig.rig)[:] = saved
+
+
+class RigPort:
+    """Serial line of a rig, with the write and read of pyserial: bytes take their time, and a read one millisecond."""
+
+    BYTE_S = 10.0 / 921600.0
+
+    def __init__(self, rig: Rig) -> None:
+        ffi, lib = rig.ffi, rig.lib
+        self.rig, self.lib, self.link = rig, lib, ffi.new("an_link *")
+        capture = ffi.addressof(rig.rig, "capture")
+        lib.an_capture_init(capture, 1)
+        lib.an_link_init(self.link, rig.base, rig.build, capture)
+        self.received = b""
+        self.elapsed_s = 0.0
+
+    def write(self, data: bytes) -> int:
+        """Send bytes to the board."""
+        for byte in data:
+            self.lib.an_link_feed(self.link, byte)
+            if self.link.out_length:
+                self.received += bytes(self.link.out[0 : self.link.out_length])
+                self.link.out_length = 0
+        self._pass(len(data) * self.BYTE_S)
+        return len(data)
+
+    def read(self, size: int = 1) -> bytes:
+        """Return bytes sent by the board, at most `size`."""
+        taken, self.received = self.received[:size], self.received[size:]
+        self._pass(1e-3 + len(taken) * self.BYTE_S)
+        return taken
+
+    def _pass(self, seconds: float) -> None:
+        self.rig.run(seconds)
+        self.elapsed_s += seconds

@@ -19,6 +19,9 @@
 #define AN_RETUNE_HZ 0.5f        /* smaller shifts of the resonance do not need new gains */
 #define AN_RETUNE_SHARE 0.03f    /* nor do smaller relative changes of tau */
 
+#define AN_CHIRP_MAX_S 10.0f
+#define AN_WORD 32767.0f /* of a recorded response, at full scale */
+
 enum { BUILD_NUMBER = 1 };
 
 static const uint32_t all_measured = AN_GAIN_IDENTIFIED | AN_TAU_IDENTIFIED | AN_FREQUENCY_IDENTIFIED;
@@ -36,6 +39,7 @@ static an_job *new_job(an_single *app, uint32_t kind, uint32_t step)
     }
     job->kind = kind;
     job->clear = 0u;
+    job->chirp.steps = 0u;
     job->step = step;
     job->amplitude_limit2 = app->mode.amplitude_limit * app->mode.amplitude_limit;
     return job;
@@ -421,49 +425,122 @@ static void set_reference(an_application *base, float reference)
 
 /* Measured values, as saved. */
 typedef struct {
-    uint32_t centre;
-    float tau_s;
-    an_complex gain;
-    float delay_s;
-    float neighbour;
-    float motion;
-    float misfit;
+    uint32_t centre; /* more exact than the frequency */
+    an_measured_request values;
 } a_measurement;
 
 static uint8_t *put_values(const an_application *base, uint8_t *at)
 {
     const an_single *app = (const an_single *)base;
     const an_ident *ident = &app->ident;
-    const a_measurement values = {
+    const a_measurement kept = {
         .centre = app->centre,
-        .tau_s = app->mode.tau_s,
-        .gain = app->mode.gain,
-        .delay_s = app->mode.delay_s,
-        .neighbour = app->neighbour,
-        .motion = ident->motion,
-        .misfit = ident->misfit,
+        .values = {.frequency_hz = app->mode.frequency_hz,
+                   .tau_s = app->mode.tau_s,
+                   .gain = app->mode.gain,
+                   .delay_s = app->mode.delay_s,
+                   .neighbour = app->neighbour,
+                   .motion = ident->motion,
+                   .misfit = ident->misfit},
     };
-    return an_put_object(at, &values, sizeof values);
+    return an_put_object(at, &kept, sizeof kept);
+}
+
+static void set_values(an_single *app, const an_measured_request *values)
+{
+    app->centre = an_dds_step(values->frequency_hz, app->base.sample_rate_hz);
+    app->mode.frequency_hz = values->frequency_hz;
+    app->mode.tau_s = values->tau_s;
+    app->mode.gain = values->gain;
+    app->mode.delay_s = values->delay_s;
+    app->neighbour = values->neighbour;
+    app->ident.motion = values->motion;
+    app->ident.misfit = values->misfit;
+    app->mode_flags |= all_measured;
 }
 
 static bool take_values(an_application *base, const uint8_t *bytes, uint32_t length)
 {
     an_single *app = (an_single *)base;
-    a_measurement values;
-    if (length != sizeof values) {
+    a_measurement kept;
+    if (length != sizeof kept) {
         return false;
     }
-    an_get_object(&values, bytes, sizeof values);
-    app->centre = values.centre;
-    app->mode.frequency_hz = an_dds_frequency(app->centre, app->base.sample_rate_hz);
-    app->mode.tau_s = values.tau_s;
-    app->mode.gain = values.gain;
-    app->mode.delay_s = values.delay_s;
-    app->neighbour = values.neighbour;
-    app->ident.motion = values.motion;
-    app->ident.misfit = values.misfit;
-    app->mode_flags |= all_measured;
+    an_get_object(&kept, bytes, sizeof kept);
+    set_values(app, &kept.values);
+    app->centre = kept.centre;
     return true;
+}
+
+/* Check the bounds of a number; false for a NaN. */
+static bool within(float value, float low, float high)
+{
+    return value >= low && value <= high;
+}
+
+static bool may_play(const an_single *app, float frequency_hz)
+{
+    return within(frequency_hz, (float)AN_SINGLE_FREQUENCY_MIN_HZ, AN_FREQUENCY_HIGH * app->base.sample_rate_hz);
+}
+
+bool an_single_may_adopt(const an_single *app, const an_measured_request *values)
+{
+    return may_play(app, values->frequency_hz) && within(values->tau_s, AN_TAU_LOW_S, AN_TAU_HIGH_S) &&
+           within(an_abs(values->gain), AN_GAIN_LOW, AN_GAIN_HIGH) && within(values->delay_s, 0.0f, AN_DELAY_HIGH_S) &&
+           within(values->neighbour, 0.0f, AN_GAIN_HIGH) && within(values->motion, 0.0f, 1.0f) &&
+           within(values->misfit, 0.0f, 1.0f);
+}
+
+bool an_single_adopt(an_single *app, const an_measured_request *values)
+{
+    if (!an_application_is_ready(&app->base, &an_single_build)) {
+        return false;
+    }
+    set_values(app, values);
+    an_track_forget(&app->track);
+    app->base.measured++;
+    app->base.confirmed = false;
+    return true;
+}
+
+bool an_single_may_chirp(const an_single *app, const an_chirp_request *plan)
+{
+    const float windows = (float)(plan->settle + (uint32_t)AN_CHIRP_ROWS) * (float)plan->every;
+    return may_play(app, plan->frequency_hz) && within(plan->level, 0.0f, 1.0f) && plan->steps > 0u &&
+           plan->steps <= (uint32_t)AN_CHIRP_ROWS && plan->every > 0u && plan->settle > 0u &&
+           plan->settle <= (uint32_t)AN_CHIRP_ROWS && windows * period_s(app) <= AN_CHIRP_MAX_S;
+}
+
+bool an_single_chirp(an_single *app, const an_chirp_request *plan)
+{
+    const uint32_t step = an_dds_step(plan->frequency_hz, app->base.sample_rate_hz);
+    if (!an_application_is_ready(&app->base, &an_single_build)) {
+        return false;
+    }
+    an_job *job = new_job(app, AN_JOB_DWELL, step);
+    if (job == NULL) {
+        return false;
+    }
+    job->drive = an_scale(an_turn(step), plan->level * app->mode.drive_limit);
+    job->chirp = *plan;
+    an_supervisor_begin(&app->base.supervisor, AN_STATE_IDENTIFY);
+    app->base.supervisor.measure_only = true;
+    app->probing = 1u; /* a dwell that does not finish */
+    an_handover_post(&app->slow.hand);
+    return true;
+}
+
+static uint16_t word_of(float part)
+{
+    return (uint16_t)(int16_t)(int32_t)(AN_WORD * (part > 1.0f ? 1.0f : part > -1.0f ? part : -1.0f));
+}
+
+void an_single_capture(const an_single *app, an_capture *capture)
+{
+    const an_complex measured = app->slow.measured.tone;
+    const uint16_t re = word_of(measured.re);
+    const uint16_t im = word_of(measured.im);
+    an_capture_take_response(capture, app->slow.chirp.begun, &re, &im);
 }
 
 const an_build an_single_build = {

@@ -75,6 +75,22 @@ bool an_single_may_start(float reference, float detuning_hz);
  * idle and the values are in range. */
 bool an_single_start(an_single *app, float reference, float detuning_hz);
 
+/* True for a frequency that this build plays, a level from 0 to 1 of the drive limit, and a duration of at most ten
+ * seconds. */
+bool an_single_may_chirp(const an_single *app, const an_chirp_request *plan);
+
+/* Drive a chirp, and stay in the state IDENTIFY until stopped. Returns false unless idle. */
+bool an_single_chirp(an_single *app, const an_chirp_request *plan);
+
+/* Record the response to a step of a chirp that has just ended; called after an_single_slow. */
+void an_single_capture(const an_single *app, an_capture *capture);
+
+/* True for values that a measurement may have. */
+bool an_single_may_adopt(const an_single *app, const an_measured_request *values);
+
+/* Take over the values of a host's measurement, which the next start checks. Returns false unless idle. */
+bool an_single_adopt(an_single *app, const an_measured_request *values);
+
 /* Change the reference while running; it is clipped to AN_REFERENCE_MAX of the amplitude limit. */
 void an_single_set_reference(an_single *app, float reference);
 

@@ -8,11 +8,14 @@ uint8_t *an_single_put_status(const an_application *base, uint8_t *at)
     const an_mode *mode = base->supervisor.state == AN_STATE_RUN ? &app->now : &app->mode;
     const an_view view = an_single_view(app);
     an_single_status status;
-    an_application_status(base, &an_single_build, app->mode_flags, &status.head);
+    const uint32_t senses = (app->table.flags & AN_SENSES_DISPLACEMENT) != 0u ? (uint32_t)AN_STATUS_DISPLACEMENT : 0u;
+    an_application_status(base, &an_single_build, app->mode_flags | senses, &status.head);
     status.head.choice[0] = (uint8_t)app->ident.stage;
     status.head.choice[1] = (uint8_t)base->texture.kind;
     status.head.frequency_hz = an_single_frequency(app);
     status.head.metres = app->mode.metres;
+    status.drive_limit = app->mode.drive_limit;
+    status.amplitude_limit = app->mode.amplitude_limit;
     status.detuning_hz = app->detuning_hz;
     status.tau_s = mode->tau_s;
     status.gain = mode->gain;
@@ -27,19 +30,50 @@ uint8_t *an_single_put_status(const an_application *base, uint8_t *at)
     return an_put_object(at, &status, sizeof status);
 }
 
-an_result an_single_handle_request(an_application *base, const an_message *request)
+static an_result start(an_single *app, const an_message *request)
 {
-    an_single *app = (an_single *)base;
     an_start_request given;
-    if (request->kind != AN_START) {
-        return AN_UNKNOWN;
-    }
     an_get_object(&given, request->payload, sizeof given);
     if (!an_single_may_start(given.reference, given.detuning_hz)) {
         return AN_BAD_VALUE;
     }
     const bool started = an_single_start(app, given.reference, given.detuning_hz);
-    return an_application_started(base, &an_single_build, started);
+    return an_application_started(&app->base, &an_single_build, started);
+}
+
+static an_result chirp(an_single *app, const an_message *request)
+{
+    an_chirp_request given;
+    an_get_object(&given, request->payload, sizeof given);
+    if (!an_single_may_chirp(app, &given)) {
+        return AN_BAD_VALUE;
+    }
+    return an_application_started(&app->base, &an_single_build, an_single_chirp(app, &given));
+}
+
+static an_result adopt(an_single *app, const an_message *request)
+{
+    an_measured_request given;
+    an_get_object(&given, request->payload, sizeof given);
+    if (!an_single_may_adopt(app, &given)) {
+        return AN_BAD_VALUE;
+    }
+    return an_single_adopt(app, &given) ? AN_OK : AN_NOT_NOW;
+}
+
+an_result an_single_handle_request(an_application *base, const an_message *request)
+{
+    an_single *app = (an_single *)base;
+    switch (request->kind) {
+    case AN_START:
+        return start(app, request);
+    case AN_CHIRP:
+        return chirp(app, request);
+    case AN_MEASURED:
+        return adopt(app, request);
+    default:
+        return AN_UNKNOWN;
+    }
 }
 
 an_record an_single_record(const an_single *app)

@@ -43,11 +43,15 @@ static const an_job *take_job(an_slow *slow, an_fast *fast)
     slow->dwell.finished = 0u;
     slow->total = an_cplx(0.0f, 0.0f);
     slow->energy = 0.0f;
+    slow->chirp.begun = 0u;
     return job;
 }
 
 static an_complex dwell(an_slow *slow, const an_job *job, an_complex measured)
 {
+    if (job->chirp.steps != 0u) {
+        return an_chirp_step(&slow->chirp, &job->chirp, job->drive);
+    }
     if (an_dwell_counts(&slow->dwell, job->settle, job->average)) {
         slow->total = an_add(slow->total, measured);
         slow->energy += an_abs2(measured);

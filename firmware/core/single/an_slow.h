@@ -1,11 +1,12 @@
 /* Slow step of the single-mode build: once per period, from the measured window to the next command.
  *
- * It executes the job that the main loop posted last: rest, dwell (constant drive, averaged response) or track (closed
- * loop). After any fault it commands zero drive until the main loop posts a job that clears the fault.
+ * It executes the job that the main loop posted last: rest, dwell (constant drive with averaged response, or a chirp) or
+ * track (closed loop). After any fault it commands zero drive until the main loop posts a job that clears the fault.
  */
 #ifndef AN_SLOW_H
 #define AN_SLOW_H
 
+#include "an_chirp.h"
 #include "an_demod.h"
 #include "an_dwell.h"
 #include "an_fast.h"
@@ -24,6 +25,7 @@ typedef struct {
     an_demod demod;
     float amplitude_limit2; /* squared */
     an_complex drive; /* dwell: commanded drive, one sample ahead */
+    an_chirp_request chirp; /* dwell: sweep of the drive, unless its steps are 0 */
     uint32_t settle;  /* dwell: windows to wait */
     uint32_t average; /* dwell: windows to average */
     an_pi_gains gains; /* track */
@@ -41,6 +43,7 @@ typedef struct {
     uint32_t noted; /* track: windows noted so far */
     float quiet; /* rest: smoothed |U' - U|^2 between windows, due to noise */
     an_dwell dwell;
+    an_chirp chirp;
     an_complex total;  /* dwell: sum of the averaged windows ... */
     float energy;      /* ... and of their squares */
     an_phasor measured; /* last window */

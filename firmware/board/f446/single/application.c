@@ -50,6 +50,7 @@ void PendSV_Handler(void)
 {
     const uint32_t begin = DWT->CYCCNT;
     an_single_slow(&app);
+    an_single_capture(&app, captured);
     if (app.slow.hand.trips != 0u) {
         converters_enable(false);
     }
