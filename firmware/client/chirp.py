@@ -224,7 +224,7 @@ def fit(sweep: Sweep, response: Complexes, delay_s: float, first: Mode, count: i
 
 
 def _second(lines: Floats, wrong: Floats, first: Mode, side: tuple[float, float]) -> list[float]:
-    """Guess a second mode: where the first one leaves most, or beside the first one."""
+    """Guess a second mode: where the first one leaves most, or next to the first one."""
     left = np.abs(wrong[: len(lines)] + 1j * wrong[len(lines) :])
     away_hz = lines[left.argmax()] if side[0] == 0.0 else first.away_hz + side[0] * first.half_hz
     return [away_hz / first.half_hz, math.log(first.tau_s * side[1])]

@@ -29,7 +29,7 @@ PAIRS, SEARCH_PAIRS = 3, 2  # of periods, recorded at least
 COHERENCE_LEAST = 0.9
 MISFIT_MOST, ERROR_MOST, GAIN_ERROR = 0.03, 0.05, 0.1  # the last one for the gains of two modes, relative
 SPAN = 8.0  # half-bandwidths
-CLOSE, STRONG = 3.0, 0.1  # a second mode within so many spans, of at least such a share of the first one
+CLOSE, STRONG = 3.0, 0.1  # a second mode within a number of spans, of at least a share of the first one
 LINES_LEAST = 10
 BAND = 0.35  # of the step rate: farther lines are weak and mixed with their images
 NEIGHBOUR_HZ = 1500.0
@@ -221,8 +221,8 @@ def _measured(client: Client, status: SingleStatus, response: Response, first: M
     """Measure about the resonance, at a level at which the response is in proportion to the drive."""
     sweep = response.sweep
     mode = fit(sweep, response.mean, status.delay_s, first, 1, _span(sweep, first)).modes[0]
-    wanted = response.level * MOTION * status.amplitude_limit / response.motion
-    level = max(min(1.0, RAISED_MOST * response.level, wanted), _least_level(status))
+    aimed = response.level * MOTION * status.amplitude_limit / response.motion
+    level = max(min(1.0, RAISED_MOST * response.level, aimed), _least_level(status))
     sweep = Sweep.for_tau(sweep.carrier_hz + mode.away_hz, mode.tau_s)
     loud = measure(client, sweep, level, status.drive_limit, PAIRS)
     bent, least = 0.0, _least_level(status)
@@ -346,7 +346,7 @@ def _judge(response: Response, best: Fit, misfit: float, coherence: float) -> No
     wrong = ""
     if coherence < COHERENCE_LEAST:
         wrong = (
-            f"coherence {coherence:.2f} at {hertz[0]:.0f} Hz, at least {COHERENCE_LEAST:g} wanted: keep hands off the plate; "
+            f"coherence {coherence:.2f} at {hertz[0]:.0f} Hz, at least {COHERENCE_LEAST:g} needed: keep hands off the plate; "
             "raise the gain of the conditioner or the drive limit"
         )
     elif abs(mode.gain) < abs(best.background[0]) or mode.half_hz > 0.5 * float(np.ptp(best.lines_hz)):
