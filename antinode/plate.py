@@ -38,6 +38,8 @@ from pipeline.questions.travel import PlayedTravel, Travel
 from pipeline.records.part import Frozen
 from pipeline.search.terms import End, Range
 
+OWN = ("antinode", "pipeline", "solvers", "geometry", "contextlib")
+FILES = {"file", "sweep", "map"}  # keys of a case that name a file
 OneTable = TypeVar("OneTable", bound=schema.Table)
 
 
@@ -340,6 +342,73 @@ class Plate(Frozen):
 
         return exports.write(self._case, form, None if path is None else str(path), self._log(progress))
 
+    def save(self, path: str | Path) -> Path:
+        """Write the case file of the plate; files that it names are named by their whole paths.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write, .toml; replaced if there is one.
+
+        Returns
+        -------
+        Path
+            The file written.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written, or its name does not end in .toml.
+
+        Examples
+        --------
+        >>> import antinode, tempfile
+        >>> plate = antinode.load("examples/small.toml", pitch_mm=5.0)
+        >>> antinode.load(plate.save(f"{tempfile.mkdtemp()}/wide.toml")) == plate
+        True
+        """
+        import tomli_w
+
+        from pipeline.records.outputs import check_files, write_file
+
+        if Path(path).suffix != ".toml":
+            raise InputError(f"path = {path}: must end in .toml")
+        check_files("path", [str(path)])
+        write_file(Path(path), tomli_w.dumps(portable(self)).encode())
+        return Path(path)
+
+    def view(self, path: str | Path | None = None, *, solve: bool = True, progress: bool | None = None) -> None:
+        """Show the plate and its target mode in three dimensions, as `antinode view` does.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Write a picture: .png at the largest displacement, .gif over one period; by default a window opens.
+        solve : bool, optional
+            Whether to compute the target mode and its neighbours; otherwise the plate is shown at rest.
+        progress : bool, optional
+            Whether to log progress on standard error; by default in a terminal.
+
+        Raises
+        ------
+        InputError
+            If the case has no plate or no mode of the target shape, or the file cannot be written.
+        NotAvailable
+            If there is neither a file nor a display.
+
+        Examples
+        --------
+        >>> import antinode, tempfile
+        >>> file = f"{tempfile.mkdtemp()}/plate.png"
+        >>> antinode.load("examples/small.toml").view(file, solve=False)  # doctest: +SLOW
+        """
+        from pipeline.cli import view
+
+        place = None if path is None else str(path)
+        view.check_place(place, "path")
+        scene = view.of_case(self._case, solve, self._log(progress))
+        view.show(scene) if place is None else view.draw(scene, Path(place))
+
     def _log(self, progress: bool | None) -> TerminalLog:
         """Return the log of a computation, after warning of implausible values of the case."""
         log = log_of(progress)
@@ -416,6 +485,14 @@ def changed(raw: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     return apply_overrides(whole, pairs)
 
 
+def portable(plate: Plate) -> dict[str, Any]:
+    """Return the tables of a plate with whole paths of the files that they name, for a case file in any folder."""
+    raw, here = plate.to_dict(), plate.source.parent if plate.source else Path()
+    for table in (each for each in raw.values() if isinstance(each, dict)):
+        table.update({key: str((here / table[key]).resolve()) for key in FILES & table.keys()})
+    return raw
+
+
 def plain(value: Any) -> Any:
     """Convert a value to the types of a parsed case file: tuples and arrays to lists, numpy scalars to numbers; drop None."""
     if hasattr(value, "tolist"):
@@ -460,7 +537,10 @@ class _Log(TerminalLog):
     """Progress on standard error, warnings as Python warnings."""
 
     def warning(self, id: str, text: str) -> None:
-        warnings.warn(f"{id}: {text}", AntinodeWarning, stacklevel=2)
+        level, frame = 1, sys._getframe(0)
+        while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in OWN:
+            level, frame = level + 1, frame.f_back
+        warnings.warn(f"{id}: {text}", AntinodeWarning, stacklevel=level)  # at the caller's line
 
 
 def log_of(progress: bool | None) -> TerminalLog:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import ValidationError
 
-from antinode.plate import Plate, key_of, log_of, plain
+from antinode.plate import Plate, key_of, log_of, plain, portable
 from pipeline import paths
 from pipeline.errors import CheckFailed, InputError
 from pipeline.process import terminable
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 R = TypeVar("R", bound=Result)
 NUMBERS = (int, float)
-FILES = {"file", "sweep", "map"}  # keys of a case that name a file
 VERDICTS = {"yes": True, "no": False, "true": True, "false": False}
 STUDY, TABLE = "study.toml", "table.csv"
 
@@ -306,9 +305,7 @@ def _study(plate: Plate, place: Path, measure: list[str], paired: bool, values: 
 
     from pipeline.batch.study_file import study_of
 
-    raw, here = plate.to_dict(), plate.source.parent if plate.source else Path()
-    for table in (each for each in raw.values() if isinstance(each, dict)):
-        table.update({key: str((here / table[key]).resolve()) for key in FILES & table.keys()})
+    raw = portable(plate)
     name = re.sub(r"[^A-Za-z0-9._+-]", "-", place.name).strip("-.") or "sweep"
     swept = {key_of(name, raw): plain(list(each)) for name, each in values.items()}
     given = {"study": {"name": name, "case": "plate.toml", "measure": measure, "zip": paired}, "sweep": swept}

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from geometry.decimation import closed_surface
+from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
 from pipeline.plots import rendering, style
@@ -52,16 +53,11 @@ class Scene:
 def view(arguments: Namespace) -> int:
     """Show a case, a VTU file or the best confined plate of a study. Raises NotAvailable without a display."""
     kind, place = _kind(arguments.target), arguments.off_screen
-    if place and Path(place).suffix.lower() not in PICTURES:
-        raise InputError(f"--off-screen = {place}: must end in {' or '.join(PICTURES)}")
-    if place:
-        outputs.check_files("--off-screen", [place])
-    elif missing := display_fault():
-        raise NotAvailable(f"view: {missing}; without a window, --off-screen FILE.png draws one, and {NO_DISPLAY_HINT}")
+    check_place(place)
     if kind == "file":
         scene = of_vtu(Path(arguments.target))
     elif kind == "case":
-        scene = of_case(arguments)
+        scene = of_case(load_case(arguments.target, arguments.set), arguments.solve, TerminalLog(arguments.quiet))
     else:
         scene = of_study(arguments.target, arguments.case_id, arguments.results)
     if place:
@@ -70,6 +66,16 @@ def view(arguments: Namespace) -> int:
     else:
         show(scene)
     return 0
+
+
+def check_place(place: str | None, option: str = "--off-screen") -> None:
+    """Raise InputError if a scene cannot be drawn into a file, NotAvailable if there is neither a file nor a display."""
+    if place and Path(place).suffix.lower() not in PICTURES:
+        raise InputError(f"{option} = {place}: must end in {' or '.join(PICTURES)}")
+    if place:
+        outputs.check_files(option, [place])
+    elif missing := display_fault():
+        raise NotAvailable(f"view: {missing}; without a window, --off-screen FILE.png draws one, and {NO_DISPLAY_HINT}")
 
 
 def _kind(target: str) -> str:
@@ -166,19 +172,17 @@ def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -
     return Scene(title, points[kept] / MM, triangles, shapes, DRAWN * tall / MM)
 
 
-def of_case(arguments: Namespace) -> Scene:
-    """Build the scene of a case file with CAD; with --solve, its target mode and the neighbouring modes."""
+def of_case(case: Case, solve: bool, log: TerminalLog) -> Scene:
+    """Build the scene of a case with CAD; solved, its target mode and the neighbouring modes."""
     from pipeline.case.features import LARGER, OF_A_PLATE, OUTLINE, SUPPORTS
     from pipeline.case.limits import warn_of_doubts
-    from pipeline.case.model import load_case
     from pipeline.models import mode_fields, modes
     from pipeline.models.mode_fields import nearest_rows
 
-    case, log = load_case(arguments.target, arguments.set), TerminalLog(arguments.quiet)
     warn_of_doubts(case.design, log)
-    case.refuse("view", (LARGER, OUTLINE, SUPPORTS) if arguments.solve else OF_A_PLATE)
+    case.refuse("view", (LARGER, OUTLINE, SUPPORTS) if solve else OF_A_PLATE)
     case.require_plate("view")
-    if not arguments.solve:
+    if not solve:
         return _solid(case, log)
     part_modes = modes.solve_modes(case, modes.Request("plate", symmetry=case.target_symmetry), log)
     part_modes = part_modes.whole_window

@@ -49,6 +49,24 @@ def test_the_public_names_are_these() -> None:
         antinode.platte  # noqa: B018
 
 
+def test_a_plate_is_saved_for_any_folder_and_never_over_another_file(tmp_path: Path) -> None:
+    for name in ("31-housing.toml", "33-measured.toml"):
+        plate = antinode.load(ROOT / "examples" / name)
+        saved = antinode.load(plate.save(tmp_path / name))
+        assert saved == plate and saved.case.design == plate.case.design
+    for wrong, why in (("housing.step", "must end in .toml"), ("no/plate.toml", "no folder")):
+        with pytest.raises(antinode.InputError, match=why):
+            plate.save(tmp_path / wrong)
+    with pytest.raises(antinode.InputError, match=r"path = plate.jpg: must end in .png or .gif"):
+        plate.view("plate.jpg")
+
+
+def test_a_warning_points_at_the_line_of_the_caller(plate: antinode.Plate) -> None:
+    with pytest.warns(antinode.AntinodeWarning, match="NO_MODES") as seen:
+        plate.modes((20.0, 21.0), part="pillar")
+    assert seen[0].filename == __file__
+
+
 def test_importing_it_loads_nothing_heavy() -> None:
     """Nothing but the standard library, so that it takes the milliseconds of a few small files, far below 0.3 s."""
     code = (

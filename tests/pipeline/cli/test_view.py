@@ -8,7 +8,6 @@ import socket
 import subprocess
 import sys
 import time
-from argparse import Namespace
 from pathlib import Path
 
 import meshio
@@ -16,8 +15,10 @@ import numpy as np
 import pytest
 
 from pipeline import paths
+from pipeline.case.model import load_case
 from pipeline.cli import main, view
 from pipeline.errors import InputError
+from pipeline.logs import TerminalLog
 from pipeline.plots import rendering
 from tests.helpers import synthetic
 
@@ -136,7 +137,7 @@ def test_a_moving_shape_is_drawn_into_a_file_without_a_window(
 
 
 def test_a_case_shows_its_solid() -> None:
-    scene = view.of_case(Namespace(target=CASE, set=["array.rows=1"], quiet=True, solve=False))
+    scene = view.of_case(load_case(CASE, ["array.rows=1"]), False, TerminalLog(quiet=True))
     assert scene.shapes == [] and np.ptp(scene.points[:, 0]) == pytest.approx(115.5, abs=1e-3)
     assert np.ptp(scene.points[:, 2]) == pytest.approx(2.0 + 6.3, abs=1e-3)
 
