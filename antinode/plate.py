@@ -378,7 +378,7 @@ class Plate(Frozen):
         return Path(path)
 
     def view(self, path: str | Path | None = None, *, solve: bool = True, progress: bool | None = None) -> None:
-        """Show the plate and its target mode in three dimensions, as `antinode view` does.
+        """Show the plate, in mm, and its target mode in three dimensions, as `antinode view` does.
 
         Parameters
         ----------
@@ -399,8 +399,11 @@ class Plate(Frozen):
         Examples
         --------
         >>> import antinode, tempfile
+        >>> from PIL import Image
         >>> file = f"{tempfile.mkdtemp()}/plate.png"
-        >>> antinode.load("examples/small.toml").view(file, solve=False)  # doctest: +SLOW
+        >>> antinode.load("examples/small.toml").view(file, solve=False)
+        >>> Image.open(file).size
+        (800, 400)
         """
         from pipeline.cli import view
 

@@ -142,7 +142,11 @@ def run(arguments: Namespace) -> int:
     known = lined_up(one.quantities, two.quantities)
     # a case, a record and a result hold different quantities: those are not differences between two designs
     alike = [row for row in known if one.kind == two.kind or None not in (row["a"], row["b"])]
-    rows = known if arguments.all else [row for row in alike if _differs(row)]
+    rows = (
+        known
+        if arguments.all
+        else [row for row in alike if _differs(row) and ".expected_error." not in row["quantity"]]
+    )
     head = ("quantity", "a", "b", "difference")
     cells = [[row[key] for key in head] for row in rows]
     document = {"a": arguments.a, "b": arguments.b, "rows": rows}
@@ -159,15 +163,36 @@ def _in_words(row: dict[str, Any], one: Flat, two: Flat) -> list[str | None]:
     """Format a row: figures with the digits of their error bars, given values unchanged, the difference in percent."""
     name, difference = row["quantity"], row["difference"]
     apart = None if difference is None else signed(percentage(difference))
-    return [name, _shown(name, one), _shown(name, two), apart]
+    return [_heading(name), _shown(name, one), _shown(name, two), apart]
+
+
+def _heading(name: str) -> str:
+    """Name a quantity and its unit for a reader: case.design.pillar.height_m -> pillar: height (mm)."""
+    *owners, last = name.removeprefix("case.").removeprefix("design.").split(".")
+    words, form = _named(last)
+    return "".join(f"{owner.replace('_', ' ')}: " for owner in owners) + (
+        f"{words} ({form.unit})" if form.unit else words
+    )
+
+
+def _named(last: str) -> tuple[str, outputs.Form]:
+    """Return heading and format of a quantity; lengths of a design are in mm."""
+    if last.endswith("_m"):
+        return last.removesuffix("_m").replace("_", " "), outputs.Form("mm", 1e3)
+    return outputs.named(last)
 
 
 def _shown(name: str, known: Flat) -> Any:
     value, bar = known.get(name), bar_of(name, known)
-    if not isinstance(value, float) or name.startswith("case."):
+    if not isinstance(value, float):
         return value
+    form = _named(name.rpartition(".")[2])[1]
+    factor = form.factor
+    if name.startswith("case."):
+        return outputs.shown(name, value, form._replace(is_given=True))
     half = known[bar] if bar else value if "error" in name else None
-    return figure(value, abs(value) * half if bar and half is not None and is_relative(name, bar) else half)
+    half = abs(value) * half if bar and half is not None and is_relative(name, bar) else half
+    return figure(factor * value, None if half is None else factor * half)
 
 
 def _figure_of_both(arguments: Namespace, one: Design, two: Design, rows: list[dict[str, Any]]) -> ReportFigure:
@@ -184,7 +209,9 @@ def _differences(ax: Axes, rows: list[dict[str, Any]]) -> None:
     """Draw relative differences of two designs as a bar chart, the largest at the top."""
     known = sorted((row for row in rows if row["difference"]), key=lambda row: abs(row["difference"]))
     ax.figure.set_size_inches(style.WIDTH_IN, 1.2 + 0.28 * max(1, len(known)))  # type: ignore[union-attr]
-    ax.barh([row["quantity"] for row in known], [100.0 * row["difference"] for row in known], color=style.BLUE)
+    ax.barh(
+        [_heading(row["quantity"]) for row in known], [100.0 * row["difference"] for row in known], color=style.BLUE
+    )
     ax.axvline(0.0, color=style.GREY, lw=0.8)
     ax.set(xlabel="(B - A) / A (%)")
 

@@ -28,7 +28,7 @@ COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspec
 SLOW = {  # a second and more, run by `make slow`
     "antinode.sweeps.sweep",
     *(f"antinode.plate.Plate.{name}"
-      for name in ("explore", "export")),
+      for name in ("explore", "export", "view")),
     *(f"pipeline.questions.{name.lower()}.{name}" for name in ("Crosstalk", "Drift", "Hybrid", "Touch", "Travel")),
     *(f"pipeline.questions.active.Active{name}" for name in ("Beam", "Shaping")),
     "pipeline.questions.tolerance.Tolerance",
