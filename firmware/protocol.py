@@ -415,10 +415,16 @@ class SingleStatus(Status):
 
 @dataclass(frozen=True)
 class SixStatus(Status):
-    """Status of the six-channel build: condition number of T (0: unknown), largest reference, and sensors."""
+    """Status of the six-channel build: condition number of T (0: unknown), largest reference, and sensors.
+
+    motion is the largest response while T was measured (0: the board has not measured it), misfit the largest error of a
+    sensor when all actuators drove together as T predicts.
+    """
 
     condition: F4
     reachable: F4
+    motion: F4
+    misfit: F4
     reference: F4
     sensors: Annotated[list[complex], "<c8", 6]
 

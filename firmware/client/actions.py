@@ -10,6 +10,7 @@ import wave
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from itertools import pairwise
 from math import log10
 from pathlib import Path
@@ -175,11 +176,15 @@ def identify(client: Client, text: argparse.Namespace) -> None:
     """Measure the plate and load the values, then hold an amplitude, or rest."""
     if isinstance(client.status(), SingleStatus):
         _identify_by_chirps(client, text.plot)
+        begin = client.start
+    elif text.plot:
+        raise ValueError("identify --plot: the six-channel image records no response; leave the picture out")
     else:
         client.identify()
         keep_running(client, "identify")
+        begin = partial(client.pattern, 0)
     if text.reference is not None:
-        client.start(client.share_of(text.reference))
+        begin(client.share_of(text.reference))
         keep_running(client, "identify")
 
 

@@ -456,7 +456,7 @@ def _single_lines(status: SingleStatus) -> list[str]:
     ]
 
 
-def _sweep(status: SingleStatus) -> str:
+def _sweep(status: SingleStatus | SixStatus) -> str:
     return f"measured at up to {figure(status.motion, '.3g')} of full scale, misfit {figure(100.0 * status.misfit, '.2g')} %"
 
 
@@ -465,6 +465,7 @@ def _six_lines(status: SixStatus) -> list[str]:
     sensors = ", ".join(amplitude(abs(z), status) for z in status.sensors)
     return [
         f"shape {status.choice[0]} at {figure(status.frequency_hz, '.3f')} Hz, matrix {matrix}, pattern {status.choice[1]}",
+        *([_sweep(status)] if status.motion else []),
         f"reference {amplitude(status.reference, status)}, at most {amplitude(status.reachable, status)}; "
         f"sensors {sensors} of full scale",
         f"worst fast interrupt {status.worst_cycles} cycles of 4500",

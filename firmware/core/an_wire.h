@@ -241,10 +241,12 @@ typedef struct {
     an_status head;
     float condition;
     float reachable;
+    float motion;
+    float misfit;
     float reference;
     an_complex sensors[6];
 } an_six_status;
-_Static_assert(sizeof(an_six_status) == sizeof(an_status) + 60u, "packed");
+_Static_assert(sizeof(an_six_status) == sizeof(an_status) + 68u, "packed");
 
 /* Identity of a board: protocol version, build, table version, number of modes or shapes, and hash of the design. */
 typedef struct {

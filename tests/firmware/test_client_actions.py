@@ -121,6 +121,16 @@ def test_what_ends_in_a_fault_is_a_failure(
     assert capsys.readouterr().err.startswith(f"client: {action}: ended with fault identify")
 
 
+def test_six_channels_are_identified_by_the_board_and_hold_a_pattern(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    port = FakePort(status=SIX_STATUS)
+    assert run(monkeypatch, port, "identify", "0.1") == 0
+    start = next(request for request in port.requests if request.kind == Kind.START)
+    assert Kind.IDENTIFY in kinds(port) and struct.unpack("<If", start.payload) == (0, pytest.approx(0.1))
+    assert "measured at up to 0.2 of full scale, misfit 1 %" in capsys.readouterr().out
+    assert run(monkeypatch, port, "identify", "--plot", "a.png") == 2
+    assert "records no response" in capsys.readouterr().err
+
+
 def test_a_pattern_is_no_start_of_one_mode_and_takes_its_reference_along(
     monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:

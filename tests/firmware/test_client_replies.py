@@ -152,7 +152,7 @@ def test_the_reply_to_each_request_is_checked(kind: Kind, fault: str) -> None:
         ASKING[kind](Client(FakePort(spoil)))
 
 
-@pytest.mark.parametrize("length", [n for n in range(len(STATUS) + 2) if n not in (len(STATUS), len(SIX_STATUS))])
+@pytest.mark.parametrize("length", [n for n in range(len(SIX_STATUS) + 2) if n not in (len(STATUS), len(SIX_STATUS))])
 def test_a_status_of_a_wrong_length_is_refused(length: int) -> None:
     spoil = with_payload(b"\0" + SIX_STATUS.ljust(120, b"\0")[:length])
     with pytest.raises(BoardError, match=f"status: the board sent {length} bytes, expected"):

@@ -203,6 +203,13 @@ def test_a_hand_during_the_measurement_never_loads_a_wrong_mode(core, when: Call
         assert min(abs(tau_s / bench.own.tau_s - 1.0), abs(tau_s / bench.own.tau_s - 0.2)) < 0.05
 
 
+def test_recordings_that_disagree_are_refused(core) -> None:
+    """A hand in one recording of three, at both levels alike: what is left to tell is the coherence."""
+    bench = Bench(1000.0)
+    hold_fast(bench, lambda count: count in (4, 7))
+    assert "coherence 0." in bench.refused()
+
+
 def test_report_and_picture(core, tmp_path: Path) -> None:
     bench = Bench(300.0, 0.02, others=((60.0, -0.5),))
     found = identify(bench.client)

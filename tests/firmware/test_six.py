@@ -106,13 +106,51 @@ def test_the_plate_is_probed_as_hard_as_it_needs(hosted, largest: float) -> None
     assert np.abs(matrix - seen_matrix(beam)).max() < 0.01 * np.abs(seen_matrix(beam)).max()
 
 
-def test_an_identification_that_would_take_more_than_a_minute_fails_at_once(hosted) -> None:
-    """A table may say any decay: with one of 9 s the dwells would take half an hour, at up to half the drive limit."""
+def test_no_identification_takes_more_than_a_minute(hosted) -> None:
+    """A table may state any decay: dwells are those of a quality factor of 1000 at most, and a minute ends them."""
     board = hosted(table(tau_s=9.0), QUICK)
     board.run(5e-3)
     assert board.lib.an_six_start(board.app, 0, 0.1)
     board.run(5e-3)
-    assert board.faults & Fault.IDENTIFY and board.state != IDENTIFY
+    assert board.app.probed_s == pytest.approx(6.0 * 1000.0 / (np.pi * 2400.0), rel=0.02)
+    board.app.probed_s = 59.9
+    board.run_while(IDENTIFY, 1.0)
+    assert board.faults == Fault.IDENTIFY and board.state == FAULT
+
+
+def lively(off: float) -> Beam:
+    """A beam of Q = 1000, four times as thick and at four times the frequency as the others; all modes off by a factor."""
+    place = {"thickness_m": 4e-3, "frequency_hz": 9.6e3, "young_pa": 210e9 * off**2}
+    return dataclasses.replace(BEAM, quality_factor=1000.0, modes=8, noise=1e-5, **place)
+
+
+@pytest.mark.parametrize("off", [1.03, pytest.param(0.97, marks=pytest.mark.slow)])
+def test_a_plate_that_decays_slowly_is_held_within_ten_seconds(hosted, off: float) -> None:
+    """Its lowest mode decays within 0.34 s, those near the carrier within 0.03 s: a soft drive leaves the low ones at rest."""
+    beam = lively(off)
+    board = hosted(table(9.6e3, tau_s=beam.slowest_s), beam)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 0, 0.0)
+    took_s = board.run_while(IDENTIFY, 10.0)
+    assert board.state == RUN and took_s < 3.0
+    matrix, true = board.app.shaping.matrix, beam.structure.sampled_matrix(9.6e3)
+    measured = np.array([complex(z.re, z.im) for z in matrix]).reshape(6, 6)
+    assert np.abs(measured - true).max() < 0.01 * np.abs(true).max()
+    assert 0.0 < board.app.misfit < 0.02 and board.app.motion > 0.04
+
+
+def test_a_matrix_that_does_not_predict_all_actuators_together_is_never_used(hosted) -> None:
+    """Here the plate changes while it is measured: a hand, or an amplifier that warms up."""
+    board = hosted(table(tau_s=QUICK.slowest_s), QUICK)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 0, 0.0)
+    while board.app.probe < 3:
+        board.run(5e-3)
+    board.beam.push = 1.3 * board.beam.push
+    board.run_while(IDENTIFY, 10.0)
+    board.run(5e-3)
+    assert board.state == FAULT and board.faults == Fault.IDENTIFY
+    assert board.app.misfit > 0.1 and not board.app.identified and board.app.base.measured == 0
 
 
 def field_of(board, at_m: np.ndarray) -> np.ndarray:

@@ -33,7 +33,9 @@ def single_status(
 
 
 STATUS = single_status()
-SIX_STATUS = struct.pack("<BBBBIIIII17f", 0, 1, 2, 1, 0, 0, 7, 0, 900, 2400.0, 0.0, 1.5, 0.3, 0.0, *[0.1] * 12)
+SIX_STATUS = struct.pack(
+    "<BBBBIIIII19f", 0, 1, 2, 1, 0, 0, 7, 0, 900, 2400.0, 0.0, 1.5, 0.3, 0.2, 0.01, 0.0, *[0.1] * 12
+)
 IDENTITY = bytes([PROTOCOL, 1, 1, 3]) + bytes(range(16))
 HEALTH = struct.pack("<11I", 1, 3, 0x08000123, 0x08000200, 0x400, 180_000_000, 210, 900, 90_000, 512, 3)
 RECORD = struct.pack("<I5f", 7, 0.1, 0.0, 0.2, 0.0, 0.1)

@@ -13,7 +13,11 @@
 #define AN_PROBE_MAX 0.5f   /* of the drive limit */
 #define AN_PROBE_STEP 4.0f
 #define AN_PROBE_LOW 0.05f   /* of the sensor's full scale: a smaller response is measured again at a higher level */
-#define AN_SETTLE 7.0f       /* time constants */
+#define AN_SETTLE 6.0f       /* time constants of a mode near the carrier */
+#define AN_QUALITY_MOST 1000.0f /* of a plate that has settled by then */
+#define AN_PROBE_AIM 0.15f   /* of full scale: intended response of the next actuator */
+#define AN_VERIFY2 0.01f     /* squared: largest error of the superposition that T predicts */
+#define AN_PI_NUMBER 3.14159265f
 #define AN_RINGING 8.0f    /* time constants for which an undriven plate may ring beyond the sensors' range */
 #define AN_MISMATCH_TIME 8.0f /* time constants for which a sensor may differ from the model */
 #define AN_CHECK_LEVEL 0.1f /* of the drive limit, and of full scale: largest drive and response of a check */
@@ -77,9 +81,24 @@ static bool post_rest(an_application *base, bool clear)
     return true;
 }
 
+/* Longest time constant of a mode near the carrier. A drive that grows softly leaves the lower ones, which decay more
+ * slowly, almost at rest. */
+static float near_s(const an_six *app)
+{
+    const float most_s = AN_QUALITY_MOST / (AN_PI_NUMBER * app->shape.frequency_hz);
+    return app->shape.tau_s < most_s ? app->shape.tau_s : most_s;
+}
+
 static uint32_t settle_of(const an_six *app)
 {
-    return (uint32_t)(AN_SETTLE * app->shape.tau_s / period_s(app)) + 2u;
+    return (uint32_t)(AN_SETTLE * near_s(app) / period_s(app)) + 2u;
+}
+
+/* Share of its way that a first-order filter covers per period: an implicit Euler step of the time constant tau. */
+static float share_of(const an_six *app, float tau_s)
+{
+    const float x = period_s(app) / tau_s;
+    return x / (1.0f + x);
 }
 
 static float dwell_s(const an_six *app)
@@ -111,6 +130,7 @@ static bool post_dwell(an_six *app)
         job->drive[app->probe] = an_scale(an_turn(app->step), app->probe_level);
     }
     job->settle = settle_of(app);
+    job->soft = share_of(app, AN_SOFT * near_s(app));
     job->average = PROBE_AVERAGE;
     app->probed_s += dwell_s(app);
     an_handover_post(&app->slow.hand);
@@ -149,7 +169,6 @@ static bool post_track(an_six *app)
     if (job == NULL) {
         return false;
     }
-    const float x = period_s(app) / app->shape.tau_s; /* an implicit Euler step has the weight x / (1 + x) */
     const an_complex ahead = an_turn(app->step);
     for (uint32_t i = 0u; i < AN_SIX * AN_SIX; i++) {
         job->inverse[i] = an_mul(app->shaping.inverse[i], ahead);
@@ -157,8 +176,8 @@ static bool post_track(an_six *app)
     read_targets(app, job->target);
     app->eased = app->base.eased;
     job->drive_limit *= app->eased ? AN_EASED : 1.0f;
-    job->soft = x / (AN_SOFT + x);
-    job->integral = AN_SIX_INTEGRAL * x / (1.0f + x);
+    job->soft = share_of(app, AN_SOFT * app->shape.tau_s);
+    job->integral = AN_SIX_INTEGRAL * share_of(app, app->shape.tau_s);
     job->patience = (uint32_t)AN_SIX_DOUBT * windows_of(app, AN_MISMATCH_TIME);
     an_handover_post(&app->slow.hand);
     return true;
@@ -178,33 +197,36 @@ static void begin_run(an_six *app)
     }
 }
 
-static void begin_column(an_six *app, uint32_t actuator)
-{
-    app->probe = actuator;
-    app->probe_level = AN_PROBE_LEVEL * app->shape.drive_limit;
-}
-
 static void begin_identify(an_application *base)
 {
     an_six *app = (an_six *)base;
     app->probing = 0u;
     app->probed_s = 0.0f;
     app->checking = false;
-    begin_column(app, 0u);
+    app->verifying = false;
+    app->probe = 0u;
+    app->probe_level = AN_PROBE_LEVEL * app->shape.drive_limit;
+    app->motion = 0.0f;
+    app->misfit = 0.0f;
 }
 
-/* The first drive with values from a table, or from before a reset, is a check. */
-static void begin_check(an_six *app)
+static void drive_all(an_six *app)
 {
     an_complex targets[AN_SIX];
     an_clear(targets, sizeof targets);
     for (uint32_t i = 0u; i < app->channels; i++) {
         targets[i] = an_cplx(1.0f, 0.0f);
     }
-    begin_identify(&app->base);
     app->checking = true;
     const float reached = app->shape.drive_limit / (an_shaping_effort(&app->shaping, targets) + 1e-6f);
     app->probe_level = AN_CHECK_LEVEL * (reached < 1.0f ? reached : 1.0f);
+}
+
+/* The first drive with values from a table, or from before a reset, is a check. */
+static void begin_check(an_six *app)
+{
+    begin_identify(&app->base);
+    drive_all(app);
 }
 
 static void read_matrix(an_six *app)
@@ -332,12 +354,27 @@ static float largest_response(const an_six *app)
     return largest;
 }
 
+/* Before it is used, T must predict what all actuators together do. */
+static void end_columns(an_six *app)
+{
+    app->identified = 0u;
+    if (an_shaping_invert(&app->shaping)) {
+        app->verifying = true;
+        drive_all(app);
+    } else {
+        fail(app, AN_FAULT_SHAPING);
+    }
+}
+
 static void end_identify(an_six *app)
 {
-    app->identified = an_shaping_invert(&app->shaping) ? 1u : 0u;
-    if (app->identified == 0u) {
-        fail(app, AN_FAULT_SHAPING);
-    } else if (!an_application_is_measured(&app->base, &an_six_build)) {
+    app->checking = false;
+    if (!(app->misfit * app->misfit < AN_VERIFY2)) {
+        fail(app, AN_FAULT_IDENTIFY);
+        return;
+    }
+    app->identified = 1u;
+    if (!an_application_is_measured(&app->base, &an_six_build)) {
         begin_run(app);
     }
 }
@@ -346,30 +383,38 @@ static void end_identify(an_six *app)
 static void take_column(an_six *app)
 {
     const float raised = app->probe_level * AN_PROBE_STEP;
-    if (largest_response(app) < AN_PROBE_LOW && raised <= AN_PROBE_MAX * app->shape.drive_limit) {
+    const float response = largest_response(app);
+    if (response < AN_PROBE_LOW && raised <= AN_PROBE_MAX * app->shape.drive_limit) {
         app->probe_level = raised;
         return;
     }
     const float scale = 1.0f / (app->probe_level * (float)PROBE_AVERAGE);
     an_shaping_set(&app->shaping, app->probe, app->slow.total, scale);
-    begin_column(app, app->probe + 1u);
+    app->motion = response > app->motion ? response : app->motion;
+    app->probe++;
+    app->probe_level *= response > AN_PROBE_AIM ? AN_PROBE_AIM / response : 1.0f;
 }
 
-static bool agrees(const an_six *app)
+/* Largest error of a sensor, squared; NaN counts as large. */
+static float error2_of(const an_six *app)
 {
+    float largest2 = 0.0f;
     for (uint32_t i = 0u; i < app->channels; i++) {
         const an_complex shown = an_scale(app->slow.total[i], 1.0f / ((float)PROBE_AVERAGE * app->probe_level));
-        if (!(an_abs2(an_sub(shown, an_cplx(1.0f, 0.0f))) < AN_CHECK_ERROR2)) {
-            return false;
-        }
+        const float error2 = an_abs2(an_sub(shown, an_cplx(1.0f, 0.0f)));
+        largest2 = error2 <= largest2 ? largest2 : error2;
     }
-    return true;
+    return largest2;
 }
 
 /* Drive with the known values if they agree with the plate; otherwise measure them again. */
 static void end_check(an_six *app)
 {
-    if (agrees(app)) {
+    const float error2 = error2_of(app);
+    if (app->verifying) {
+        app->misfit = __builtin_sqrtf(error2);
+        end_identify(app);
+    } else if (error2 < AN_CHECK_ERROR2) {
         app->base.confirmed = true;
         app->checking = false;
         begin_run(app);
@@ -381,7 +426,7 @@ static void end_check(an_six *app)
 static void identify(an_application *base)
 {
     an_six *app = (an_six *)base;
-    if (app->probe >= app->channels) {
+    if (app->probe >= app->channels && !app->checking) {
         fail(app, AN_FAULT_MEMORY);
         return;
     }
@@ -398,9 +443,13 @@ static void identify(an_application *base)
     if (base->supervisor.state != AN_STATE_IDENTIFY) {
         return;
     }
-    if (app->probe == app->channels) {
-        end_identify(app);
-    } else if (app->probed_s + dwell_s(app) > AN_IDENTIFY_MAX_S) {
+    if (app->probe == app->channels && !app->checking) {
+        end_columns(app);
+    }
+    if (base->supervisor.state != AN_STATE_IDENTIFY) {
+        return;
+    }
+    if (app->probed_s + dwell_s(app) > AN_IDENTIFY_MAX_S) {
         fail(app, AN_FAULT_IDENTIFY);
     } else {
         app->probing = post_dwell(app) ? 1u : 0u;

@@ -28,7 +28,10 @@ typedef struct {
     bool half_reach; /* started without a reference */
     bool eased;      /* the active job is that of an eased drive */
     float probe_level; /* drive of one actuator, or in a check response of every sensor */
-    bool checking;
+    bool checking;  /* all actuators drive: with known values ... */
+    bool verifying; /* ... or with those measured just now */
+    float motion;   /* largest response during the measurement, of full scale */
+    float misfit;   /* error of the superposition that T predicts */
     uint32_t probe; /* actuator being measured */
     uint32_t probing; /* nonzero: a dwell has been posted */
     float probed_s; /* total duration of the dwells of this identification */

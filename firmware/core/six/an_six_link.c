@@ -14,6 +14,8 @@ uint8_t *an_six_put_status(const an_application *base, uint8_t *at)
     status.head.metres = app->shape.metres;
     status.condition = app->shaping.condition;
     status.reachable = app->reachable;
+    status.motion = app->motion;
+    status.misfit = app->misfit;
     status.reference = app->slow.reference * app->slow.envelope;
     for (uint32_t i = 0u; i < AN_SIX; i++) {
         status.sensors[i] = app->slow.measured[i];

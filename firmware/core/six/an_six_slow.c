@@ -80,11 +80,16 @@ static void measure(an_six_slow *slow, an_six_fast *fast, const an_six_job *job)
     }
 }
 
+static an_complex interpolate(an_complex from, an_complex to, float share)
+{
+    return an_add(from, an_scale(an_sub(to, from), share));
+}
+
 static void dwell(an_six_slow *slow, const an_six_job *job)
 {
     const bool counts = an_dwell_counts(&slow->dwell, job->settle, job->average);
     for (uint32_t i = 0u; i < AN_SIX; i++) {
-        slow->drive[i] = job->drive[i];
+        slow->drive[i] = interpolate(slow->drive[i], job->drive[i], job->soft);
         slow->total[i] = counts ? an_add(slow->total[i], slow->measured[i]) : slow->total[i];
     }
 }
@@ -177,11 +182,6 @@ static void limit(an_six_slow *slow, const an_six_job *job)
             slow->drive[i] = an_scale(slow->drive[i], factor);
         }
     }
-}
-
-static an_complex interpolate(an_complex from, an_complex to, float share)
-{
-    return an_add(from, an_scale(an_sub(to, from), share));
 }
 
 /* V = T^-1 (W + I). */

@@ -37,7 +37,7 @@ typedef struct {
     uint32_t average;         /* dwell: windows to average */
     an_complex inverse[AN_SIX * AN_SIX]; /* track: T^-1 by rows, rotated ahead by one sample */
     an_complex target[AN_SIX];           /* track: W at reference 1 */
-    float soft;                          /* track: fraction of its remaining way that W covers per period */
+    float soft; /* fraction of its remaining way that W covers per period (track), or a drive (dwell) */
     float integral;                      /* track: fraction of the error added per period */
     float drive_limit;
     uint32_t patience; /* track: doubts that make a sensor lost, AN_SIX_DOUBT per window that differs from the model */
