@@ -37,7 +37,8 @@ uncertainty. References (`accuracy-references.csv`) have elements of order 4 and
 
 ![Error bar over true error of every frequency](pictures/error-bars.svg)
 
-[Error bars against true errors](error-bars.md) tests the error bars on random scenes.
+[Error bars against true errors](error-bars.md) tests the error bars on random scenes, and [published band
+diagrams](papers.md) are compared with ours.
 """
 FIGURE = PAGE.parent / "pictures" / "error-against-time.svg"
 STORED = Path("accuracy") / style.PICTURES / "accuracy_bending_at_M.svg"

@@ -36,6 +36,7 @@ INTRODUCTION = """\
 Each example is one file of `examples/`, at most forty lines long, and shows one feature. Its command makes its picture.
 Where a figure is given, the tests compare the example's own with it: it comes from a closed form, another mesh, another
 method or another command. Run the commands in the folder of the checkout; they write into the current folder.
+[Published band diagrams](papers.md) have case files of their own.
 """
 
 

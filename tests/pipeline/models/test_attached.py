@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
-from scipy.special import j1
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import Boxes, hex_mesh
+from geometry.lattice import Lattice
 from geometry.materials import MATERIALS
 from geometry.supports import Support
 from pipeline.case.model import Case, case_from_dict
@@ -23,6 +22,7 @@ from pipeline.questions.question import Run, ask
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.superelement.attached import with_attached
+from studies.plane_waves import LoadedPlate
 
 LOG = TerminalLog(True)
 PITCH_M, THICK_M = 20e-3, 0.5e-3
@@ -44,21 +44,11 @@ def bands(attached: list[dict[str, Any]] | None, **own: Any) -> BandsResult:
 
 
 def expanded(k: FloatArray, mass: float, spring: float, count: int, reach: int = 10) -> FloatArray:
-    """Flexural waves of a thin plate, w = sum of a_G exp(i (k + G).r), loaded on a disc (xiao2012), Hz."""
+    """Flexural waves of a thin plate, loaded on a disc in the middle of the cell, Hz."""
     stiff = ALLOY.young_pa * THICK_M**3 / 12.0 / (1.0 - ALLOY.poisson**2)
-    g = 2.0 * np.pi / PITCH_M * np.arange(-reach, reach + 1)
-    q = np.hypot(*np.meshgrid(k[0] + g, k[1] + g)).ravel()
-    r = np.maximum(THICK_M / 2.0 * q, 1e-9)
-    mean = 2.0 * j1(r) / r
-    stiffness, heavy = np.diag(stiff * q**4 * PITCH_M**2), PLATE_KG * np.eye(len(q))
-    if mass and spring:
-        row = np.append(mean, -1.0)
-        stiffness, heavy = np.pad(stiffness, (0, 1)) + spring * np.outer(row, row), np.pad(heavy, (0, 1))
-        heavy[-1, -1] = mass
-    else:
-        stiffness, heavy = stiffness + spring * np.outer(mean, mean), heavy + mass * np.outer(mean, mean)
-    values = eigh(stiffness, heavy, eigvals_only=True, subset_by_index=[0, count - 1])
-    return np.sqrt(np.abs(values)) / (2.0 * np.pi)
+    own = Support("spring" if spring else "mass", radius_m=THICK_M / 2.0, mass_kg=mass, stiffness_n_m=spring)
+    plate = LoadedPlate(Lattice.of_rows(PITCH_M, PITCH_M), stiff, DENSITY * THICK_M, (own,))
+    return plate.frequencies(k, count, reach)
 
 
 def missed(frequency_hz: float, mass: float) -> float:
