@@ -398,8 +398,6 @@ class SingleStatus(Status):
     deviation of the fitted resonance relative to the response.
     """
 
-    drive_limit: F4
-    amplitude_limit: F4
     detuning_hz: F4
     tau_s: F4
     gain: C8
@@ -504,7 +502,7 @@ BUILDS = {1: "single", 6: "six"}
 class Identity:
     """Identity of a board: protocol version, build, table version, number of modes or shapes, and hash of the design.
 
-    count and design are zero if the board has no valid table.
+    The limits are those of the table's target mode. They, count and design are zero if the board has no valid table.
     """
 
     protocol: U1
@@ -512,6 +510,8 @@ class Identity:
     table_version: U1
     count: U1
     design: Annotated[bytes, "V16"]
+    drive_limit: F4
+    amplitude_limit: F4
 
     @property
     def build(self) -> str:

@@ -11,6 +11,7 @@ import math
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -75,6 +76,16 @@ class NotIdentified(BoardError):
     def __init__(self, text: str, response: Response, fitted: Fit | None = None) -> None:
         super().__init__(f"identify: {text}")
         self.response, self.fitted = response, fitted
+
+
+class Board(NamedTuple):
+    """State of a board before: the mode as known so far, the kind of its sensor, and limits as fractions of full scale."""
+
+    frequency_hz: float
+    delay_s: float
+    displacement: bool
+    drive_limit: float
+    amplitude_limit: float
 
 
 @dataclass(frozen=True)
@@ -165,24 +176,27 @@ def identify(client: Client) -> Found:
     status = client.status()
     if not isinstance(status, SingleStatus):
         raise BoardError("identify: this board runs the six-channel image")
+    identity = client.identity()
+    displacement = bool(status.flags & Flag.DISPLACEMENT)
+    board = Board(status.frequency_hz, status.delay_s, displacement, identity.drive_limit, identity.amplitude_limit)
     began = status.windows
-    response, first = _search(client, status)
-    found, bent = _measured(client, status, response, first)
-    values, chosen, coherence, best = _values(status, found)
+    response, first = _search(client, board)
+    found, bent = _measured(client, board, response, first)
+    values, chosen, coherence, best = _values(board, found)
     client.set(values)
     seconds = (client.status().windows - began) % 2**32 * WINDOW_S
-    return Found(values, found, best, coherence, chosen, status.frequency_hz, bent, seconds)
+    return Found(values, found, best, coherence, chosen, board.frequency_hz, bent, seconds)
 
 
-def _search(client: Client, status: SingleStatus) -> tuple[Response, Mode]:
+def _search(client: Client, board: Board) -> tuple[Response, Mode]:
     """Find the resonance near the table's frequency, at the lowest level that shows it."""
-    hertz = status.frequency_hz
+    hertz = board.frequency_hz
     edge_hz, tau_s = SEARCH_SHARE * hertz, QUALITY_MOST / (math.pi * hertz)
     sweeps = [Sweep.for_tau(hertz, tau_s)]
     if edge_hz > 0.49 / sweeps[0].step_s:
         sweeps += [Sweep.for_tau(hertz + sign * edge_hz, tau_s) for sign in (-1.0, 1.0)]
-    for level in [max(level, _least_level(status)) for level in SEARCH_LEVELS]:
-        seen = [measure(client, sweep, level, status.drive_limit, SEARCH_PAIRS) for sweep in sweeps]
+    for level in [max(level, _least_level(board)) for level in SEARCH_LEVELS]:
+        seen = [measure(client, sweep, level, board.drive_limit, SEARCH_PAIRS) for sweep in sweeps]
         best = max(seen, key=lambda one: float(np.abs(one.mean).max() / math.sqrt(one.noise2 + 1e-300)))
         if np.abs(best.mean).max() > ABOVE_NOISE * math.sqrt(best.noise2) and best.motion > 4.0 / 2048.0:
             break
@@ -203,9 +217,9 @@ def _search(client: Client, status: SingleStatus) -> tuple[Response, Mode]:
     return best, first
 
 
-def _least_level(status: SingleStatus) -> float:
+def _least_level(board: Board) -> float:
     """Share of the drive limit below which the steps of the DAC distort the drive."""
-    return min(1.0, CODES_LEAST / (2047.0 * status.drive_limit))
+    return min(1.0, CODES_LEAST / (2047.0 * board.drive_limit))
 
 
 def _first_guess(response: Response) -> Mode:
@@ -217,17 +231,17 @@ def _first_guess(response: Response) -> Mode:
     return Mode(float(lines_hz[peak]), 1.0 / (math.pi * wide * max(above, 1)))
 
 
-def _measured(client: Client, status: SingleStatus, response: Response, first: Mode) -> tuple[Response, float]:
+def _measured(client: Client, board: Board, response: Response, first: Mode) -> tuple[Response, float]:
     """Measure about the resonance, at a level at which the response is in proportion to the drive."""
     sweep = response.sweep
-    mode = fit(sweep, response.mean, status.delay_s, first, 1, _span(sweep, first)).modes[0]
-    aimed = response.level * MOTION * status.amplitude_limit / response.motion
-    level = max(min(1.0, RAISED_MOST * response.level, aimed), _least_level(status))
+    mode = fit(sweep, response.mean, board.delay_s, first, 1, _span(sweep, first)).modes[0]
+    aimed = response.level * MOTION * board.amplitude_limit / response.motion
+    level = max(min(1.0, RAISED_MOST * response.level, aimed), _least_level(board))
     sweep = Sweep.for_tau(sweep.carrier_hz + mode.away_hz, mode.tau_s)
-    loud = measure(client, sweep, level, status.drive_limit, PAIRS)
-    bent, least = 0.0, _least_level(status)
+    loud = measure(client, sweep, level, board.drive_limit, PAIRS)
+    bent, least = 0.0, _least_level(board)
     for _ in range(REPEATS + 1):
-        soft = measure(client, sweep, max(QUIETER * loud.level, least), status.drive_limit, PAIRS)
+        soft = measure(client, sweep, max(QUIETER * loud.level, least), board.drive_limit, PAIRS)
         bent = _change(loud, soft, mode)
         if bent < LINEAR or soft.level == least:
             return loud, bent
@@ -256,17 +270,17 @@ def _span(sweep: Sweep, first: Mode, least_hz: float = 0.0) -> float:
     return min(max(SPAN * first.half_hz, LINES_LEAST * sweep.spacing_hz, least_hz), BAND / sweep.step_s, NEIGHBOUR_HZ)
 
 
-def _values(status: SingleStatus, response: Response) -> tuple[Measured, Loop, float, Fit]:
+def _values(board: Board, response: Response) -> tuple[Measured, Loop, float, Fit]:
     """Fit the modes, judge the fit, and choose the gains."""
     sweep = response.sweep
-    delay_s, guess = status.delay_s, replace(_first_guess(response), away_hz=0.0)
+    delay_s, guess = board.delay_s, replace(_first_guess(response), away_hz=0.0)
     for _ in range(3):
         single = fit(sweep, response.mean, delay_s, guess, 1, _span(sweep, guess))
-        delay_s += _late(single.modes[0], sweep.carrier_hz, bool(status.flags & Flag.DISPLACEMENT), delay_s)
+        delay_s += _late(single.modes[0], sweep.carrier_hz, board.displacement, delay_s)
         guess = single.modes[0]
     best = _of_one_or_two(response, single, delay_s)
     if len(best.modes) > 1:
-        delay_s += _late(best.modes[0], sweep.carrier_hz, bool(status.flags & Flag.DISPLACEMENT), delay_s)
+        delay_s += _late(best.modes[0], sweep.carrier_hz, board.displacement, delay_s)
         best = _of_one_or_two(response, single, delay_s)
     mode, noise2 = best.modes[0], response.noise2
     misfit = _without_noise(best, noise2)

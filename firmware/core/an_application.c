@@ -197,6 +197,16 @@ static an_result result_of(bool done)
     return done ? AN_OK : AN_NOT_NOW;
 }
 
+static void put_limits(const an_table *table, an_identity *identity)
+{
+    an_mode target;
+    if (table->mode_count > 0u) {
+        an_table_mode(table, table->target, &target);
+        identity->drive_limit = target.drive_limit;
+        identity->amplitude_limit = target.amplitude_limit;
+    }
+}
+
 static uint8_t *put_identity(const an_application *app, const an_build *build, uint8_t *at)
 {
     const an_table *table = build->table(app);
@@ -208,6 +218,7 @@ static uint8_t *put_identity(const an_application *app, const an_build *build, u
     identity.table_version = AN_TABLE_VERSION;
     if (known) {
         identity.count = (uint8_t)build->entries(table);
+        put_limits(table, &identity);
         an_get_object(identity.design, table->data + offsetof(an_header_row, design_hash), sizeof identity.design);
     }
     return an_put_object(at, &identity, sizeof identity);

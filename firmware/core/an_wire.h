@@ -220,8 +220,6 @@ _Static_assert(sizeof(an_status) == 32u, "packed");
 /* Status of the single-mode build; while it runs, frequency, tau and gain are the tracked ones. */
 typedef struct {
     an_status head;
-    float drive_limit;
-    float amplitude_limit;
     float detuning_hz;
     float tau_s;
     an_complex gain;
@@ -234,7 +232,7 @@ typedef struct {
     an_complex drive;
     float offset;
 } an_single_status;
-_Static_assert(sizeof(an_single_status) == sizeof(an_status) + 64u, "packed");
+_Static_assert(sizeof(an_single_status) == sizeof(an_status) + 56u, "packed");
 
 /* Status of the six-channel build: condition number of T (0: unknown), largest reference, and sensors. */
 typedef struct {
@@ -255,8 +253,10 @@ typedef struct {
     uint8_t table_version;
     uint8_t count;
     uint8_t design[16];
+    float drive_limit;
+    float amplitude_limit;
 } an_identity;
-_Static_assert(sizeof(an_identity) == 20u, "packed");
+_Static_assert(sizeof(an_identity) == 28u, "packed");
 
 /* Health of the board. */
 typedef struct {

@@ -189,10 +189,10 @@ def test_samples_without_their_count_are_refused() -> None:
 
 def test_an_identity_is_checked() -> None:
     assert (Client(FakePort()).identity().build, Client(FakePort()).identity().count) == ("single", 3)
-    with pytest.raises(BoardError, match="identity: the board sent 3 bytes, expected 20"):
+    with pytest.raises(BoardError, match="identity: the board sent 3 bytes, expected 28"):
         Client(FakePort(with_payload(b"\0abc"))).identity()
     with pytest.raises(BoardError, match="the unknown build 99"):
-        Client(FakePort(with_payload(b"\0\1\x63\1\1" + bytes(16)))).identity()
+        Client(FakePort(with_payload(b"\0\1\x63\1\1" + bytes(24)))).identity()
 
 
 def test_a_number_that_is_none_is_told_in_words() -> None:

@@ -40,7 +40,9 @@ def talk(make_image, core):
 
 def test_identity_and_status(talk) -> None:
     _, client = talk()
-    assert client.request(Kind.IDENTITY, parsed=bytes) == bytes([PROTOCOL, 1, VERSION, 1, *range(16)])
+    assert client.request(Kind.IDENTITY, parsed=bytes) == bytes([PROTOCOL, 1, VERSION, 1, *range(16)]) + struct.pack(
+        "<2f", 1.0, 0.8
+    )
     status = client.status()
     assert status.state == "idle" and status.faults == ()
     assert status.frequency_hz == pytest.approx(TRUE, abs=4e-3)

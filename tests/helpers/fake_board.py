@@ -26,9 +26,9 @@ def single_status(
     metres: float = 0.0,
 ) -> bytes:
     """A status of the single build: 31250 Hz, 3 ms, gain 0.75, at rest."""
-    mode = (31250.0, metres, 1.0, 0.8, 0.0, 3e-3, 0.75, 0.0, 9e-6, 0.0, 0.3, 0.002)
+    mode = (31250.0, metres, 0.0, 3e-3, 0.75, 0.0, 9e-6, 0.0, 0.3, 0.002)
     return struct.pack(
-        "<BBBBIIIII18f", state, 0, 0, flags, faults, first, windows, 0, cycles, *mode, reference, *[0.0] * 4, offset
+        "<BBBBIIIII16f", state, 0, 0, flags, faults, first, windows, 0, cycles, *mode, reference, *[0.0] * 4, offset
     )
 
 
@@ -36,7 +36,7 @@ STATUS = single_status()
 SIX_STATUS = struct.pack(
     "<BBBBIIIII19f", 0, 1, 2, 1, 0, 0, 7, 0, 900, 2400.0, 0.0, 1.5, 0.3, 0.2, 0.01, 0.0, *[0.1] * 12
 )
-IDENTITY = bytes([PROTOCOL, 1, 1, 3]) + bytes(range(16))
+IDENTITY = bytes([PROTOCOL, 1, 1, 3]) + bytes(range(16)) + struct.pack("<2f", 1.0, 0.8)
 HEALTH = struct.pack("<11I", 1, 3, 0x08000123, 0x08000200, 0x400, 180_000_000, 210, 900, 90_000, 512, 3)
 RECORD = struct.pack("<I5f", 7, 0.1, 0.0, 0.2, 0.0, 0.1)
 

@@ -14,8 +14,6 @@ uint8_t *an_single_put_status(const an_application *base, uint8_t *at)
     status.head.choice[1] = (uint8_t)base->texture.kind;
     status.head.frequency_hz = an_single_frequency(app);
     status.head.metres = app->mode.metres;
-    status.drive_limit = app->mode.drive_limit;
-    status.amplitude_limit = app->mode.amplitude_limit;
     status.detuning_hz = app->detuning_hz;
     status.tau_s = mode->tau_s;
     status.gain = mode->gain;
