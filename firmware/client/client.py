@@ -457,16 +457,19 @@ def _single_lines(status: SingleStatus) -> list[str]:
 
 
 def _sweep(status: SingleStatus | SixStatus) -> str:
-    return f"measured at up to {figure(status.motion, '.3g')} of full scale, misfit {figure(100.0 * status.misfit, '.2g')} %"
+    unit = "" if status.metres > 0.0 else " of full scale"
+    return f"measured at up to {amplitude(status.motion, status, '.3g')}{unit}, misfit {figure(100.0 * status.misfit, '.2g')} %"
 
 
 def _six_lines(status: SixStatus) -> list[str]:
     matrix = f"condition {figure(status.condition, '.3g')}" if status.identified else "not measured yet"
-    sensors = ", ".join(amplitude(abs(z), status) for z in status.sensors)
+    sensors = ", ".join(amplitude(abs(z), status) for z in status.sensors) + (
+        "" if status.metres > 0.0 else " of full scale"
+    )
     return [
         f"shape {status.choice[0]} at {figure(status.frequency_hz, '.3f')} Hz, matrix {matrix}, pattern {status.choice[1]}",
         *([_sweep(status)] if status.motion else []),
         f"reference {amplitude(status.reference, status)}, at most {amplitude(status.reachable, status)}; "
-        f"sensors {sensors} of full scale",
+        f"sensors {sensors}",
         f"worst fast interrupt {status.worst_cycles} cycles of 4500",
     ]

@@ -127,6 +127,9 @@ def test_six_channels_are_identified_by_the_board_and_hold_a_pattern(monkeypatch
     start = next(request for request in port.requests if request.kind == Kind.START)
     assert Kind.IDENTIFY in kinds(port) and struct.unpack("<If", start.payload) == (0, pytest.approx(0.1))
     assert "measured at up to 0.2 of full scale, misfit 1 %" in capsys.readouterr().out
+    metric = SIX_STATUS[:28] + struct.pack("<f", 4e-6) + SIX_STATUS[32:]
+    assert run(monkeypatch, FakePort(status=metric), "status") == 0
+    assert "up to 0.8 um, misfit" in (out := capsys.readouterr().out) and "um of full scale" not in out
     assert run(monkeypatch, port, "identify", "--plot", "a.png") == 2
     assert "records no response" in capsys.readouterr().err
 
@@ -190,7 +193,8 @@ def test_amplitudes_are_in_micrometres_where_the_table_has_metres(
     status = single_status(reference=0.25, metres=4e-6)
     port = FakePort(status=status)
     assert run(monkeypatch, port, "reference", "1um") == 0
-    assert "reference 1 um, measured 0 um" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "reference 1 um, measured 0 um" in out and "measured at up to 1.2 um, misfit" in out
     sent = [request.payload for request in port.requests if request.kind == Kind.REFERENCE]
     assert sent == [struct.pack("<f", 0.25)]
     assert run(monkeypatch, FakePort(status=status), "reference", "5µm") == 2
