@@ -22,6 +22,7 @@ from solvers.superelement.bond import Contact, displacement_at, mirror_signs
 from solvers.superelement.plate import WHOLE
 
 PER_WIDTH = 6  # points over a resonance's half-power width about a peak
+SAME = 1e-3  # of the reach about a peak: points so near to it are the peak itself, but for the precision of its search
 SHARP = 1e-3  # of a half-power width: tolerance of a peak
 SAME_WIDTHS = 1.0  # half-power widths: closer peaks count as one
 
@@ -282,7 +283,8 @@ def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: 
     for peak in peaks_hz:
         reach = 2.0 * peak * driven.loss_at(peak)
         fine = np.linspace(max(low, peak - reach), min(high, peak + reach), 4 * PER_WIDTH + 1)
-        tones = np.union1d(tones, np.append(fine, peak))
+        tones = np.union1d(tones, fine)
+        tones = np.union1d(tones[np.abs(tones - peak) > SAME * reach], [peak])  # two points as high would hide it
     return driven.curve(tones)
 
 

@@ -121,8 +121,11 @@ class Scaling:
             "_kg": self.density * self.length**3,
             "_N_s_m": self.length**2,  # of a fingertip's area
         }
-        if key.replace("_error", "") in ("zone_rms_m", "passive_rms_m", "finger_m"):  # driven by so many volts
+        figure = key.replace("_error", "")
+        if figure in ("zone_rms_m", "passive_rms_m", "finger_m", "field_m", "touched_m"):  # driven by so many volts
             return 1.0
+        if figure in ("crest_m_s", "fastest_m_s"):  # such a motion's velocity
+            return self.frequency
         return next((factor for unit, factor in units.items() if key.endswith(unit)), self._of_metres(key))
 
     def _of_metres(self, key: str) -> float:

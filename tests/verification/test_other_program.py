@@ -33,6 +33,7 @@ LOG = TerminalLog(True)
 COUNT = 8
 ORDERS = 1.6, 4.0
 MESHES = 2, 3, 4  # elements between neighbouring edges
+ABOVE = 0.2  # of the distance to the next mode
 
 
 def number(draw: np.random.Generator, low: float, high: float) -> float:
@@ -145,7 +146,7 @@ def test_a_drawn_cell_has_the_other_programs_bands_inside_both_bars(seed: int) -
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(PLATES))
 def test_a_drawn_plate_has_the_other_programs_modes_inside_both_bars(seed: int) -> None:
-    """All modes of a band, whose ends lie midway between two of them, counted and compared."""
+    """All modes of a band counted and compared; it ends little above a mode of the other program, which is too high."""
     case = case_from_dict(plate_of(seed))
 
     @cache
@@ -154,7 +155,7 @@ def test_a_drawn_plate_has_the_other_programs_modes_inside_both_bars(seed: int) 
 
     found = theirs(MESHES[1])
     last = COUNT - 2 + int(np.argmax(found[COUNT - 1 :] / found[COUNT - 2 : -1]))  # below the widest of the last gaps
-    band = 0.5 * found[0], float(np.sqrt(found[last] * found[last + 1]))
+    band = 0.5 * found[0], float(found[last] * (found[last + 1] / found[last]) ** ABOVE)
     query = Request("plate", band_hz=band, search=False)
     rows = sorted(solve_modes(case, query, LOG).rows, key=lambda row: row.frequency_hz)
     assert len(rows) == last + 1

@@ -115,3 +115,13 @@ def test_it_is_said_and_so_is_a_band_without_the_target_mode(capsys: pytest.Capt
     assert main(["response", small, "--quiet", "--points", "51", "--band", "27kHz:31kHz", *PATCHED]) == 0
     said = capsys.readouterr()
     assert "warning NO_MODE" in said.err and "target mode's peak" not in said.out and "nan" not in said.out
+
+
+def test_a_peak_is_one_point_of_its_curve() -> None:
+    """The even grid's own middle is the peak but for rounding: as high, it would hide that the curve falls to both sides."""
+    plate = Two((34e3, 1.0))
+    for shift in np.linspace(0.0, 1e-11, 41):
+        top = near_hz(plate, 34e3) * (1.0 + shift)
+        curve = curve_about(plate, 30e3 * (1.0 + shift), 38e3, 5, [top])
+        assert top in curve.frequency_hz and np.diff(curve.frequency_hz).min() > 1e-7 * top
+        assert peak_of(curve, top).quality_factor is not None
