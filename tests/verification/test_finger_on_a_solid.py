@@ -75,8 +75,9 @@ def solid(case: Case, layers: int, size_m: float) -> Solid:
     materials = {"plate": design.material} | ({"pillar": design.pillar.material} if design.pillar else {})
     system = assemble(plate, materials)
     patch = hex_mesh(patch_boxes, ORDER)
-    patch.nodes[:, 2] += design.thickness_m - plate.nodes[:, 2].max()  # bonded on the plate's back, not on the pillars
+    patch.nodes[:, 2] += design.thickness_m  # bonded on the plate's back
     joined = bonded_solid(system, patch, patches.material, patches.size_m[2])
+    assert len(joined.place_nm) < len(plate.nodes) + len(patch.nodes)  # they share the nodes of the bond
     free = np.flatnonzero(np.column_stack([joined.place_nm[:, :2] != 0, np.ones(len(joined.place_nm), dtype=bool)]))
     coupling, dielectric = joined.bending
     count = dielectric.shape[0]
