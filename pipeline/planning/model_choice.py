@@ -42,6 +42,9 @@ HALF_WAVES = 3.0  # bands per half-wave along a pillar: two bending modes, one o
 
 # first cut-off of a cell's fixed-interface modes over the highest requested band; a coarse cell may raise it
 BEYOND = 4.0
+SPARED = (
+    0.01  # of the accuracy: change of a frequency that functions left out of bare panels may cause, each wave alone
+)
 
 SUPERELEMENT, SOLID = "superelement", "solid"
 DEFAULT_COUNT = 20
@@ -412,6 +415,19 @@ def _plate(case: Case, high_hz: float) -> ModelChoice:
     taken = (*taken, simplifications.alike_cells(design))
     level = mesh_rules.cell_level(accuracy)
     return _choice(case, "plate", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
+
+
+def spared(case: Case, choice: ModelChoice, high_hz: float) -> ModelChoice:
+    """Choose a plate's reduction without the boundary functions that bare panels do without, where it has them.
+
+    For modes alone: patches and fingers on bare panels feel all functions, and drifts are differences of small changes.
+    """
+    reduction = choice.reduction
+    rule = simplifications.bare_functions(case.design, reduction.further) if reduction else None
+    if reduction is None or rule is None or choice.part != "plate":
+        return choice
+    sparing = high_hz, SPARED * case.solve.accuracy
+    return replace(choice, reduction=replace(reduction, sparing=sparing), left_out=(*choice.left_out, rule))
 
 
 def _modes_end_hz(case: Case, high_hz: float) -> float:

@@ -18,6 +18,7 @@ from pipeline.planning.model_choice import (
     model_choice_of,
     model_high_hz,
     response_high_hz,
+    spared,
     with_defaults,
     with_search,
 )
@@ -123,7 +124,7 @@ def plan_of(case: Case, step: Step, *whole: Simplification | None) -> Plan:
 def modes_step(case: Case, request: Request) -> Step:
     """Plan the modes of a part."""
     query = with_defaults(case, request)
-    choice = model_choice_of(case, query.part, model_high_hz(case, query))
+    choice = spared(case, model_choice_of(case, query.part, model_high_hz(case, query)), model_high_hz(case, query))
     classes = choice.classes if query.symmetry is None else (query.symmetry,)
     window = simplifications.other_frequencies(query.band_hz, query.near_hz, query.count)
     left_out = (*choice.left_out, simplifications.other_classes(choice.classes, query.symmetry), window)

@@ -97,7 +97,7 @@ def refine_reduction(
     total, accuracy = MARGIN * estimate.total, case.solve.accuracy
     if choice.reduction is None or total <= accuracy:
         return None
-    share, finer = accuracy / MARGIN / 2.0, choice.reduction
+    share, finer = accuracy / MARGIN / 2.0, replace(choice.reduction, sparing=None)
     if estimate.degrees + estimate.through > share:
         is_thick = estimate.through > estimate.degrees and finer.interface.through < mesh_rules.MAX_THROUGH
         finer = higher_through(finer) if is_thick else higher_degree(finer)

@@ -80,6 +80,11 @@ NODES, PAIRS = 1.45, 28.0  # a quadratic tetrahedron's nodes; nodes that share a
 TET_FILL = 4.0  # entries of the factor over n^(4/3)
 # times the elements of a square prism's panel: those of a disc's, where meshing it just to count them costs too much
 CURVED, MESHED = 2.0, 50_000
+# share of the boundary functions that bare panels keep where they may do without; panels that keep all, per pillar
+KEPT, ABOUT_FEET = 0.45, 1.5
+MEASURED_BYTES = (
+    2.5 * 8.0 * 420.0
+)  # of a mode's motion on a panel's touch face: of some 420 points, whole and in two parts
 CLASS_MATRICES = 3  # of a symmetry class: its K, its M and one shifted
 PILOT_BYTES = 0.15 * GIB  # heap that the solves of a coarse cell leave behind
 SKIN = 0.4  # of a panel's nodes that lie on its surface
@@ -318,12 +323,16 @@ def assembled_class(design: Design, choice: ModelChoice, reduction: ReductionSet
     mean = _mean_functions(design, kinds, nx * ny)
     across = (ceil(nx / 2), ceil(ny / 2)) if choice.quarter else (nx, ny)
     face, count = reduction.interface, across[0] * across[1]
-    fill = grid_fill(across, panelled(face.vertex_block, face.side_block, mean))
-    dofs, inner = count * (face.vertex_block + 2 * face.side_block + mean), max(each for _, each, _ in kinds)
-    own, vertex = face.count + mean, face.vertex_block
+    kept = 1.0
+    if reduction.sparing:
+        kept -= (1.0 - KEPT) * max(1.0 - ABOUT_FEET * pillar_count(design) / (nx * ny), 0.0)
+    vertex, side = kept * face.vertex_block, kept * face.side_block
+    fill = grid_fill(across, panelled(vertex, side, mean))
+    dofs, inner = count * (vertex + 2 * side + mean), max(each for _, each, _ in kinds)
+    own = kept * face.count + mean
     sides = 2 * count - across[0] - across[1]  # between two panels
     corners = (across[0] - 1) * (across[1] - 1)  # of four panels and four sides
-    entries = count * own**2 - sides * (face.side_block + 2.0 * vertex) ** 2 + corners * vertex**2
+    entries = count * own**2 - sides * (side + 2.0 * vertex) ** 2 + corners * vertex**2
     return AssembledClass(
         design, reduction, choice.quarter, nx * ny, kinds, own, inner, dofs, count * own**2, entries, fill
     )
@@ -351,8 +360,15 @@ def _assembled(
     for holding, held_bytes in _held_discs(own):
         cost, kept = cost.then(holding, kept), kept + held_bytes
     kept_bytes = kept + 3.0 * 12.0 * own.entries + (classes - 1) * 8.0 * own.dofs * modes
+    measuring = Cost(
+        (Stage("measuring the modes", MEASURED_BYTES * own.panels / (4.0 if own.quarter else 1.0) * modes),)
+    )
     for _ in range(classes):
         cost = cost.then(solve, kept_bytes)
+    solved = 1 + bool(
+        case.design.supports
+    )  # the plate without its supports, too; what the reductions took is not returned
+    cost = cost.then(measuring, solved * kept_bytes + reducing.peak.bytes)
     return ResourceEstimate(
         cost,
         modes if near else classes * modes,

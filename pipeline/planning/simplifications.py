@@ -121,6 +121,17 @@ def alike_cells(design: Design, scattered: bool = False) -> Simplification | Non
     return Simplification("alike_cells", "repeated reductions", "equal cells are reduced once and cached")
 
 
+def bare_functions(design: Design, further: int) -> Simplification | None:
+    """Give bare panels of a larger plate only the boundary functions that their waves need.
+
+    Not where the plate is thick for its waves (`further` degrees through the thickness) or stressed by its supports.
+    """
+    if not design.larger_m or design.outline or further or design.is_stressed:
+        return None
+    what = "boundary functions of bare panels that their waves do without"
+    return Simplification("bare_functions", what, "what they would change is below the accuracy, and in the bars")
+
+
 # -- the request -------------------------------------------------------------------------------------------------------
 
 

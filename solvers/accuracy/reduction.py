@@ -52,6 +52,7 @@ from solvers.superelement.cell import MAX_SHARE, Cell, MeshError, ResidualModes,
 from solvers.superelement.clamped import missed
 from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.reduction import CellBuilder, SymmetryClass
+from solvers.superelement.sparing import rise
 from solvers.threads import one_thread
 
 if TYPE_CHECKING:
@@ -241,6 +242,8 @@ def mode_errors(
     value = energy(vectors, pencil.stiffness @ vectors)
     held = isinstance(plate, AssembledPlate) and bool(plate.holds)
     along = by_degrees(pencil, vectors, last_degree(plate), held=held)
+    if isinstance(plate, AssembledPlate):
+        along = along + rise(plate, value, np.real(vectors))
     if all(cell.further for cell in plate.cells):
         through = _by_further(plate, value, vectors)
     else:

@@ -121,12 +121,12 @@ def nodal(order: int, a_node: int = 3) -> Dofs:
     return dofs
 
 
-def panelled(vertex: int, side: int, inner: float) -> Dofs:
+def panelled(vertex: float, side: float, inner: float) -> Dofs:
     """Count the degrees of freedom of reduced panels in a plane.
 
     Parameters
     ----------
-    vertex, side : int
+    vertex, side : float
         Degrees of freedom per vertex line and per side.
     inner : float
         Number within each panel.

@@ -108,6 +108,15 @@ class DrivenZones:
         return float(np.min(-self.level_db[:, -1]))
 
 
+AT_ONCE = 10_000  # points whose motion is weighed at once: of all of them it would be a second copy
+
+
+def _products(weights: FloatArray, values: Any) -> FloatArray:
+    """Sum of w_q conj(v_qi) v_qj over the points q, (k, k)."""
+    parts = ((weights[at : at + AT_ONCE], values[at : at + AT_ONCE]) for at in range(0, max(len(weights), 1), AT_ONCE))
+    return np.asarray(sum(own.conj().T @ (heavy[:, None] * own) for heavy, own in parts))
+
+
 @dataclass(frozen=True)
 class Overlaps:
     """Products of the u_z of every two modes of a class over the active and the passive touch face, (k, k) each, m2.
@@ -135,7 +144,7 @@ class Overlaps:
     @classmethod
     def between(cls, faces: Sequence[tuple[Any, Any]]) -> Overlaps:
         """Overlaps from weights (q,) and values (q, k) at the points of both parts, the active one first."""
-        active, passive = (np.asarray(values.conj().T @ (weights[:, None] * values)) for weights, values in faces)
+        active, passive = (_products(weights, values) for weights, values in faces)
         return cls(active, passive)
 
     @classmethod

@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from geometry.elements import FloatArray
+from geometry.elements import BoolArray, FloatArray
 from geometry.hex.oblique import oblique_mesh
 from geometry.hex.panels import PatchedMesh, panel_mesh, transfer, with_nodes_along
 from geometry.hex.scenes import HexSettings
@@ -36,6 +36,8 @@ from solvers.superelement.cell import Cell, restricted
 from solvers.superelement.interface import ReductionSettings
 from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
 from solvers.superelement.reduction import CellBuilder, Coarser, SymmetryClass, reduce_cell
+from solvers.superelement.sparing import needed
+from solvers.superelement.supports import full_panels
 
 HIGHEST = 4  # order of hexahedra
 TETRAHEDRA = "tet"
@@ -252,7 +254,16 @@ class PlateModel:
     @cached_property
     def _grid(self) -> Grid:
         """Numbering shared by the symmetry classes; a whole plate has every panel's own numbers."""
-        return Grid(self.tiling, self.cells, False)
+        return Grid(self.tiling, self.cells, False, self._kept(False))
+
+    def _kept(self, whole: bool) -> BoolArray | None:
+        """Mask of the boundary functions that bare panels away from feet and supports need; None for all."""
+        sparing = self.reductions.reduction.sparing
+        if sparing is None:
+            return None
+        places = set(self.tiling.representatives(whole)) - full_panels(self.tiling)
+        bare = {signature(self.tiling.panel(*place)) for place in places}
+        return needed([self.cells[name] for name in bare], *sparing) if bare else None
 
     def assembled(self, symmetry: str | None) -> AssembledPlate:
         """The assembled cells of one symmetry class, of the whole plate for None."""
@@ -260,7 +271,7 @@ class PlateModel:
         if name not in self._assembled_plates:
             if name == WHOLE:  # a panel at a mirrored plate's lower end may belong to none of its classes
                 self._reduce(True)
-            grid = None if name == WHOLE else self._grid
+            grid = Grid(self.tiling, self.cells, True, self._kept(True)) if name == WHOLE else self._grid
             plate = AssembledPlate(self.tiling, self.cells, name, grid)
             others = [each for each in self._assembled_plates.values() if each.grid is plate.grid]
             plate.holds = others[0].holds if others else holds_of(plate, self.reductions)  # of one numbering

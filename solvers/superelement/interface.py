@@ -7,7 +7,7 @@ Legendre polynomials through the thickness. Opposite sides carry the same functi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -279,6 +279,8 @@ class ReductionSettings:
 
     bare_size_m: elements of panels without a pillar, where they may be longer than those about a foot. further: number of
     further degrees through the thickness, reduced only to estimate their effect; no plate is assembled from them.
+    sparing: highest frequency, Hz, and relative change of a frequency up to which bare panels away from feet and supports do
+    without some of the functions; None where all panels keep all of them.
     """
 
     interface: Interface
@@ -287,6 +289,7 @@ class ReductionSettings:
     max_edge_m: float = 6e-3
     bare_size_m: float | None = None
     further: int = 0
+    sparing: tuple[float, float] | None = field(default=None, repr=False)  # of plates: no cell depends on it
 
     @property
     def ample(self) -> Interface:

@@ -28,7 +28,7 @@ from solvers.superelement.cell import Cell, Expansion, PlacedCell, SurfaceRule, 
 from solvers.superelement.clamped import softened
 from solvers.superelement.interface import OFFSETS, SIDES, VERTICES, Interface
 from solvers.superelement.prestress import Prestress
-from solvers.superelement.supports import Action, Hold, actions, at_edge, held_dofs, rigid_count
+from solvers.superelement.supports import Action, Hold, actions, at_edge, full_panels, held_dofs, rigid_count
 
 Kept = TypeVar("Kept")
 WHOLE = ""  # no mirror: every panel is assembled
@@ -50,10 +50,10 @@ class AssembledPlate:
             raise SolverError("the plate is not its own mirror image: it has no symmetry classes")
         self.grid = grid or Grid(tiling, cells, symmetry == WHOLE)
         whole, sign = self.grid.representatives(symmetry)
-        alive = np.unique(whole[sign != 0.0])
-        self.dof = len(alive)
+        self.origin = np.unique(whole[sign != 0.0])  # of its degrees of freedom, in the grid
+        self.dof = len(self.origin)
         number = np.full(self.grid.count, -1, dtype=np.int64)
-        number[alive] = np.arange(len(alive))
+        number[self.origin] = np.arange(self.dof)
         self._number, self._sign = number[whole], sign
         self.placed_cells = [self._place(i, j, number[whole], sign) for i, j in self.grid.representative_cells()]
         self.holds: Sequence[Hold] = ()  # discs of the back face
@@ -80,6 +80,11 @@ class AssembledPlate:
         wide = AssembledPlate(self.tiling, cells, self.symmetry)
         wide.stress = self.stress
         return wide
+
+    @cached_property
+    def complete(self) -> AssembledPlate:
+        """The plate with all boundary functions in all panels."""
+        return AssembledPlate(self.tiling, self.grid.cells, self.symmetry)
 
     def pencil(self) -> PlainPencil:
         """K and M of the class, per whole plate."""
@@ -202,14 +207,15 @@ class AssembledPlate:
 
     def touch(self, vectors: FloatArray) -> TouchField:
         """u_z over the touch faces of the cells of the class, weighted as the whole plate."""
-        points, weights, values = [], [], []
-        for placed_cell in self.placed_cells:
-            rule = self.touch_rule(placed_cell)
-            points.append(rule.points[:, :2] + np.array(placed_cell.middle))
-            weights.append(rule.weights * placed_cell.copies)
-            values.append(rule.values(self.cell_vectors(placed_cell, vectors)))
-        mass = self.placed_cells[0].cell.scale.mass_kg
-        return TouchField(np.concatenate(points), np.concatenate(weights), np.concatenate(values), mass)
+        rules = [self.touch_rule(placed_cell) for placed_cell in self.placed_cells]
+        ends = np.cumsum([0, *(len(rule.weights) for rule in rules)])
+        points, weights = np.empty((ends[-1], 2)), np.empty(ends[-1])
+        values = np.empty((ends[-1], vectors.shape[1]), dtype=vectors.dtype)  # joining parts would hold them twice
+        for placed_cell, rule, at in zip(self.placed_cells, rules, map(slice, ends[:-1], ends[1:]), strict=True):
+            points[at] = rule.points[:, :2] + np.array(placed_cell.middle)
+            weights[at] = rule.weights * placed_cell.copies
+            values[at] = rule.values(self.cell_vectors(placed_cell, vectors))
+        return TouchField(points, weights, values, self.placed_cells[0].cell.scale.mass_kg)
 
     def work(self, force: FloatArray) -> FloatArray:
         """Work of forces (q,) along z at the points of `touch` on each degree of freedom, (dof,)."""
@@ -341,11 +347,13 @@ def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
 
 class Grid:
     """Numbers of the whole plate's degrees of freedom, and the action of the two mirrors on them; `whole`: no panel stands
-    for its image.
+    for its image; `kept`: mask of the boundary functions, (interface.count,), that bare panels away from feet need.
     """
 
-    def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell], whole: bool = False) -> None:
-        self.tiling, self.cells, self.whole = tiling, cells, whole
+    def __init__(
+        self, tiling: Tiling, cells: Mapping[Signature, Cell], whole: bool = False, kept: BoolArray | None = None
+    ) -> None:
+        self.tiling, self.cells, self.whole, self.kept = tiling, cells, whole, kept
         _fit(tiling, cells)
         self.nx, self.ny = len(tiling.x) - 1, len(tiling.y) - 1
         self.interface: Interface = next(iter(cells.values())).interface
@@ -422,8 +430,10 @@ class Grid:
         return where, sign
 
     def _idle(self) -> BoolArray:
-        """Bubbles on the free sides of cells, and vertex lines between two of them, which carry nothing; what supports hold."""
-        idle = np.zeros(self.count, dtype=bool)
+        """Bubbles on the free sides of cells, and vertex lines between two of them, which carry nothing; what supports hold;
+        what bare panels do without.
+        """
+        idle = self._spared()
         for i in range(self.nx):
             for j in range(self.ny):
                 free, dofs = set(self.tiling.free_sides(i, j)), self.dofs(i, j)
@@ -435,6 +445,17 @@ class Grid:
         for held in held_dofs(self.tiling, self._corners, self._beside_x, self._beside_y):
             idle[held] = True
         return idle
+
+    def _spared(self) -> BoolArray:
+        """Functions that bare panels do without, unless a neighbour needs them."""
+        spared, needed = np.zeros(self.count, dtype=bool), np.zeros(self.count, dtype=bool)
+        if self.kept is not None:
+            full = full_panels(self.tiling)
+            for i in range(self.nx):
+                for j in range(self.ny):
+                    own = self.dofs(i, j)[: self.interface.count]
+                    (needed if (i, j) in full else spared)[own if (i, j) in full else own[~self.kept]] = True
+        return spared & ~needed
 
     @cached_property
     def _mirrors(self) -> tuple[tuple[IntArray, FloatArray], ...]:

@@ -25,6 +25,7 @@ from solvers.fem.surface import grid_weights
 from solvers.superelement.cell import Cell, PlacedCell
 
 AXES = "xyz"
+REACH = 2  # panels about a disc that keep all boundary functions
 RINGS, SPOKES = 6, 24  # points of a disc: exact for polynomials of degree 11 and for harmonics below 24
 RANK = 1e-9  # of the largest singular value of what the supports hold
 # rigid-body modes of the symmetry classes of u_z, x then y: translations x, y, z, rotations about x, y, z
@@ -156,6 +157,37 @@ def at_edge(tiling: Tiling, i: int, j: int, edge: str) -> bool:
     """
     number, last = (i, len(tiling.x) - 2) if edge[0] == "x" else (j, len(tiling.y) - 2)
     return number == (0 if edge[1] == "-" else last)
+
+
+def full_panels(tiling: Tiling) -> set[tuple[int, int]]:
+    """List the panels that keep all boundary functions: those with a foot, at a supported edge or about a support.
+
+    Parameters
+    ----------
+    tiling : Tiling
+        The plate's panels.
+
+    Returns
+    -------
+    set of tuple
+        Column and row of each.
+    """
+    nx, ny = len(tiling.x) - 1, len(tiling.y) - 1
+    full, places = set(tiling.feet), [(i, j) for i in range(nx) for j in range(ny)]
+    for support in tiling.supports:
+        if support.edge:
+            full |= {place for place in places if at_edge(tiling, *place, support.edge)}
+            continue
+        x0, x1, y0, y1 = support.box_m
+        columns, rows = (
+            np.searchsorted(lines, ends) - 1 for lines, ends in ((tiling.x, [x0, x1]), (tiling.y, [y0, y1]))
+        )
+        full |= {
+            (i, j)
+            for i, j in places
+            if columns[0] - REACH <= i <= columns[1] + REACH and rows[0] - REACH <= j <= rows[1] + REACH
+        }
+    return full
 
 
 def _on_edge(
