@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.layout import Design, Pillar
+from geometry.layout import ROUNDING, Design, Pillar
 from geometry.supports import Support
 
 
@@ -315,7 +315,7 @@ def _about(centres: FloatArray, pitch: float, end: float) -> FloatArray:
     """
     lines = [-end, end]
     for low, high in pairwise([-np.inf, *centres.tolist(), np.inf]):
-        if high - low <= (1.0 + NARROW) * pitch:
+        if high - low <= (1.0 + NARROW) * pitch * (1.0 + ROUNDING):
             lines.append((low + high) / 2.0)
         else:
             lines += [each for each in (low + pitch / 2.0, high - pitch / 2.0) if abs(each) < end - 10.0**-DIGITS]

@@ -77,6 +77,20 @@ def test_every_pillar_has_a_panel_of_its_own() -> None:
         assert np.diff(lines).min() > 1e-4 and np.diff(lines).max() <= 6e-3 * (1.0 + 1e-9)
 
 
+@pytest.mark.parametrize("share", [1.0, 1e-1, 1e-2, 1e-3, 3.7])
+def test_a_tie_is_decided_alike_at_every_scale(share: float) -> None:
+    """Pillars 1.2 pitches apart: binary fractions must not choose whether their panels meet."""
+    lengths = {"thickness_mm": 1.5, "length_mm": 40.0, "width_mm": 34.0}, {"length_mm": 12.0, "width_mm": 8.0}
+    plate, zone = ({key: share * length for key, length in each.items()} for each in lengths)
+    raw = {
+        **RAW, "plate": plate, "zone": {**zone, "nodal_lines": 1, "centre_mm": [share * 2.0, share * -1.5]},
+        "pillar": {"shape": "square", "side_mm": share * 1.6, "height_mm": share * 5.0},
+        "array": {"pitch_mm": share * 4.0, "rows": 1, "surround": True},
+    }  # fmt: skip
+    tiling = tile(case_from_dict(raw).design, share * 7.2e-3)
+    assert (len(tiling.x), len(tiling.y), len(tiling.feet)) == (9, 8, 10)
+
+
 def test_the_shape_is_free_where_the_plate_ends_and_pinned_where_it_goes_on() -> None:
     s = np.linspace(0.0, 1.0, 41)
     sine = zone_mode(3, True, True).shape(s)
