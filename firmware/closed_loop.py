@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from firmware.emulate.plant import Plate, PlateSimulation, Resonance
 from firmware.host import NoCompiler, Supervised, load
-from firmware.mode_table import Mode, ModeTable, hold, to_bytes
+from firmware.mode_table import PERIOD, WINDOW, Mode, ModeTable, hold, to_bytes
 from firmware.protocol import RUN
 
 SOUND, DEAD, STUCK, REVERSED, CLIPPED = range(5)
@@ -58,7 +58,6 @@ SHARES = (0.05, 0.1, 0.165, 0.2, 0.4)  # of the free plate's amplitude at full d
 PHASES = range(0, 50, 12)  # tick of the window at which the finger starts to lift, or the reference steps
 TOUCHED = 6.0  # times the damping of the free plate
 SETTLES_S, AFTER_S, STEP_S = 0.3, 15e-3, 40e-6
-PERIOD, WINDOW = 50, 46  # ticks; AN_PERIOD, AN_WINDOW
 PEAK_MOST = 1.2  # of the reference
 LIFTS = ("damping", "quality factor")  # which changes linearly
 NOISE, SIGMAS = 1e-3, 4.0

@@ -27,6 +27,10 @@ MAX_MODES = 16
 MAX_SHAPES = 2
 PIN_VOLTS = 1.65  # full scale at the converter's pins
 RATE_HZ = {"single": 250e3, "six": 40e3}  # of the builds
+PERIOD, WINDOW = (
+    50,
+    46,
+)  # samples from one window of the single build to the next, and those measured: AN_PERIOD, AN_WINDOW
 MIN_MODE_HZ = 2000.0  # lower limit of the single-mode build: a window must hold enough of a period
 MIN_SHAPE_HZ = 350.0  # lower limit of the six-channel build: two periods must not exceed its watchdog's time
 

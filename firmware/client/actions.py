@@ -19,13 +19,13 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware.client.client import BoardError, Client, Refused, amplitude, figure
-from firmware.mode_table import RATE_HZ
+from firmware.mode_table import PERIOD, RATE_HZ
 from firmware.protocol import PAYLOAD_MAX, PROTOCOL, Identity, Record, SingleStatus, SixStatus
 
 FADE_S = 1.0  # twice the longest time from a stop to rest
 LOOK_S = 0.1  # between two status requests, which also keep up the contact with the board
 DRIVING = ("identify", "run")
-WINDOW_HZ = RATE_HZ["single"] / 50  # single build: windows of 50 samples
+WINDOW_HZ = RATE_HZ["single"] / PERIOD
 BAR, BAR_DB = 30, 60.0
 LOG_COLUMNS = ("window", "measured_d", "measured_q", "drive_d", "drive_q", "reference")
 LEVELS = " ▁▂▃▄▅▆▇█"

@@ -15,14 +15,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware.mode_table import RATE_HZ
+from firmware.mode_table import PERIOD, RATE_HZ, WINDOW
 from firmware.protocol import CHIRP_ROWS, Chirp
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 SAMPLE_S = 1.0 / RATE_HZ["single"]
-WINDOW, PERIOD = 46, 50  # samples measured, and from one window to the next; AN_WINDOW, AN_PERIOD
 WINDOW_S = PERIOD * SAMPLE_S
 TURN = 2**32
 FULL_SCALE = 32767  # word of a response of 1

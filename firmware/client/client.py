@@ -426,6 +426,11 @@ def amplitude(share: float, status: Status, digits: str = ".4g") -> str:
     return f"{figure(1e6 * share * status.metres, digits)} um" if status.metres > 0.0 else figure(share, digits)
 
 
+def _unless_metres(status: Status) -> str:
+    """Words after amplitudes that are fractions of full scale."""
+    return "" if status.metres > 0.0 else " of full scale"
+
+
 @contextmanager
 def _in_words(kind: Kind) -> Iterator[None]:
     """Turn a ProtocolError into a BoardError that names the request."""
@@ -457,15 +462,13 @@ def _single_lines(status: SingleStatus) -> list[str]:
 
 
 def _sweep(status: SingleStatus | SixStatus) -> str:
-    unit = "" if status.metres > 0.0 else " of full scale"
-    return f"measured at up to {amplitude(status.motion, status, '.3g')}{unit}, misfit {figure(100.0 * status.misfit, '.2g')} %"
+    largest = amplitude(status.motion, status, ".3g") + _unless_metres(status)
+    return f"measured at up to {largest}, misfit {figure(100.0 * status.misfit, '.2g')} %"
 
 
 def _six_lines(status: SixStatus) -> list[str]:
     matrix = f"condition {figure(status.condition, '.3g')}" if status.identified else "not measured yet"
-    sensors = ", ".join(amplitude(abs(z), status) for z in status.sensors) + (
-        "" if status.metres > 0.0 else " of full scale"
-    )
+    sensors = ", ".join(amplitude(abs(z), status) for z in status.sensors) + _unless_metres(status)
     return [
         f"shape {status.choice[0]} at {figure(status.frequency_hz, '.3f')} Hz, matrix {matrix}, pattern {status.choice[1]}",
         *([_sweep(status)] if status.motion else []),

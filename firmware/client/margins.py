@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware.client.chirp import PERIOD, SAMPLE_S, WINDOW, WINDOW_S, Complexes, Floats, Mode
+from firmware.client.chirp import SAMPLE_S, WINDOW_S, Complexes, Floats, Mode
+from firmware.mode_table import PERIOD, WINDOW
 
 RESPONSE_S = 0.53e-3  # AN_RESPONSE_S
 NEIGHBOUR_LOOP = 0.5  # AN_NEIGHBOUR_LOOP

@@ -16,15 +16,14 @@ from numpy.typing import NDArray
 from firmware.build import BuildError, Image, build
 from firmware.emulate.plant import Plate, Structure, plate_from_table
 from firmware.host import Supervised
-from firmware.mode_table import from_bytes
+from firmware.mode_table import PERIOD, RATE_HZ, WINDOW, from_bytes
 from firmware.protocol import IDENTIFY, RUN, fault_names
 
 if TYPE_CHECKING:
-    from firmware.emulate.images import EmulatedPort
+    from firmware.emulate.images import EmulatedPort, EmulatedSingle
 
 NEEDS = {"unicorn": "unicorn", "cffi": "cffi", "elftools": "pyelftools"}
-WINDOW_S = 50 / 250e3
-HALF_WINDOW_S = 23 / 250e3
+WINDOW_S, HALF_WINDOW_S = PERIOD / RATE_HZ["single"], WINDOW / 2 / RATE_HZ["single"]
 
 
 class EmulationError(RuntimeError):
@@ -116,16 +115,22 @@ def _built(table: bytes, variant: str) -> Iterator[Image]:
         yield build(table, Path(folder), variant)
 
 
+def _booted(image: Image, plate: Plate) -> EmulatedSingle:
+    """Emulate a board with the single-mode image, up to its rest."""
+    from firmware.emulate.images import EmulatedSingle
+
+    board = EmulatedSingle(image.elf, plate)
+    board.run(2e-3)
+    return board
+
+
 def _check_runs(board: Supervised) -> None:
     if board.state != RUN:
         raise EmulationError(f"the image ended in a fault: {', '.join(fault_names(board.faults)) or 'none'}")
 
 
 def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardRun:
-    from firmware.emulate.images import EmulatedSingle
-
-    board = EmulatedSingle(image.elf, plate)
-    board.run(2e-3)
+    board = _booted(image, plate)
     board.start()
     board.run_until(lambda: board.state != IDENTIFY, 20.0)
     swept = board.app.base.measured > 0
@@ -175,11 +180,9 @@ def emulated_port(table: bytes, plate: Plate | None = None) -> EmulatedPort:
         If the table is damaged.
     """
     with _built(table, "single") as image:
-        from firmware.emulate.images import EmulatedPort, EmulatedSingle
+        from firmware.emulate.images import EmulatedPort
 
-        board = EmulatedSingle(image.elf, plate or plate_from_table(table, noise=1e-3))
-    board.run(2e-3)
-    return EmulatedPort(board)
+        return EmulatedPort(_booted(image, plate or plate_from_table(table, noise=1e-3)))
 
 
 def six_run(table: bytes, plate: Structure, patterns: int, seconds: float) -> NDArray[np.complex128]:

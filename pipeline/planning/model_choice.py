@@ -42,9 +42,8 @@ HALF_WAVES = 3.0  # bands per half-wave along a pillar: two bending modes, one o
 
 # first cut-off of a cell's fixed-interface modes over the highest requested band; a coarse cell may raise it
 BEYOND = 4.0
-SPARED = (
-    0.01  # of the accuracy: change of a frequency that functions left out of bare panels may cause, each wave alone
-)
+# of the accuracy: change of a frequency that functions left out of bare panels may cause, each wave alone
+SPARED = 0.005
 
 SUPERELEMENT, SOLID = "superelement", "solid"
 DEFAULT_COUNT = 20

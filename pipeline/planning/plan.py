@@ -124,7 +124,8 @@ def plan_of(case: Case, step: Step, *whole: Simplification | None) -> Plan:
 def modes_step(case: Case, request: Request) -> Step:
     """Plan the modes of a part."""
     query = with_defaults(case, request)
-    choice = spared(case, model_choice_of(case, query.part, model_high_hz(case, query)), model_high_hz(case, query))
+    high_hz = model_high_hz(case, query)
+    choice = spared(case, model_choice_of(case, query.part, high_hz), high_hz)
     classes = choice.classes if query.symmetry is None else (query.symmetry,)
     window = simplifications.other_frequencies(query.band_hz, query.near_hz, query.count)
     left_out = (*choice.left_out, simplifications.other_classes(choice.classes, query.symmetry), window)

@@ -82,9 +82,8 @@ TET_FILL = 4.0  # entries of the factor over n^(4/3)
 CURVED, MESHED = 2.0, 50_000
 # share of the boundary functions that bare panels keep where they may do without; panels that keep all, per pillar
 KEPT, ABOUT_FEET = 0.45, 1.5
-MEASURED_BYTES = (
-    2.5 * 8.0 * 420.0
-)  # of a mode's motion on a panel's touch face: of some 420 points, whole and in two parts
+# of a mode's motion on a panel's touch face: of some 420 points, whole and in two parts
+MEASURED_BYTES = 2.5 * 8.0 * 420.0
 CLASS_MATRICES = 3  # of a symmetry class: its K, its M and one shifted
 PILOT_BYTES = 0.15 * GIB  # heap that the solves of a coarse cell leave behind
 SKIN = 0.4  # of a panel's nodes that lie on its surface
@@ -360,15 +359,12 @@ def _assembled(
     for holding, held_bytes in _held_discs(own):
         cost, kept = cost.then(holding, kept), kept + held_bytes
     kept_bytes = kept + 3.0 * 12.0 * own.entries + (classes - 1) * 8.0 * own.dofs * modes
-    measuring = Cost(
-        (Stage("measuring the modes", MEASURED_BYTES * own.panels / (4.0 if own.quarter else 1.0) * modes),)
-    )
+    panels = own.panels / (4.0 if own.quarter else 1.0)
+    measuring = Cost((Stage("measuring the modes", MEASURED_BYTES * panels * modes),))
     for _ in range(classes):
         cost = cost.then(solve, kept_bytes)
-    solved = 1 + bool(
-        case.design.supports
-    )  # the plate without its supports, too; what the reductions took is not returned
-    cost = cost.then(measuring, solved * kept_bytes + reducing.peak.bytes)
+    plates = 2 if case.design.supports else 1  # one of them without its supports
+    cost = cost.then(measuring, plates * kept_bytes + reducing.peak.bytes)  # what the reductions took is not returned
     return ResourceEstimate(
         cost,
         modes if near else classes * modes,

@@ -52,7 +52,7 @@ from solvers.superelement.cell import MAX_SHARE, Cell, MeshError, ResidualModes,
 from solvers.superelement.clamped import missed
 from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.reduction import CellBuilder, SymmetryClass
-from solvers.superelement.sparing import rise
+from solvers.superelement.sparing import energy, rise, rise_without
 from solvers.threads import one_thread
 
 if TYPE_CHECKING:
@@ -285,14 +285,7 @@ def by_degrees(
     stiff, heavy = images or (pencil.stiffness @ vectors, pencil.mass @ vectors)
     if held and len(where) and vectors.shape[1]:
         return _without(pencil, np.real(vectors), np.flatnonzero(~last), energy(vectors, stiff))
-    value, dropped = energy(vectors, stiff), vectors[where]
-    left = [
-        energy(vectors, image)
-        - 2.0 * energy(dropped, image[where])
-        + energy(dropped, matrix[where][:, where] @ dropped)
-        for matrix, image in ((pencil.stiffness, stiff), (pencil.mass, heavy))
-    ]
-    return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
+    return rise_without(pencil, vectors, where, (stiff, heavy), energy(vectors, stiff))
 
 
 def _without(pencil: PlainPencil, vectors: FloatArray, left: IntArray, values: FloatArray) -> FloatArray:
@@ -301,22 +294,6 @@ def _without(pencil: PlainPencil, vectors: FloatArray, left: IntArray, values: F
     place = sp.csr_array((np.ones(len(left)), (left, np.arange(len(left)))), shape=(pencil.dof, len(left)))
     fewer = prolonged_eigenvalues(pencil, PlainPencil(stiffness, mass, pencil.scale), place, vectors, values)
     return np.asarray(np.sqrt(np.maximum(fewer / values, 1.0)) - 1.0)
-
-
-def energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray) -> FloatArray:
-    """Compute u^H v of each pair of columns.
-
-    Parameters
-    ----------
-    vectors, images : ndarray, shape (n, k)
-        u and v.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Real parts.
-    """
-    return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
 
 
 def by_mesh(

@@ -448,14 +448,17 @@ class Grid:
 
     def _spared(self) -> BoolArray:
         """Functions that bare panels do without, unless a neighbour needs them."""
-        spared, needed = np.zeros(self.count, dtype=bool), np.zeros(self.count, dtype=bool)
+        spared, others = np.zeros(self.count, dtype=bool), np.zeros(self.count, dtype=bool)
         if self.kept is not None:
             full = full_panels(self.tiling)
             for i in range(self.nx):
                 for j in range(self.ny):
                     own = self.dofs(i, j)[: self.interface.count]
-                    (needed if (i, j) in full else spared)[own if (i, j) in full else own[~self.kept]] = True
-        return spared & ~needed
+                    if (i, j) in full:
+                        others[own] = True
+                    else:
+                        spared[own[~self.kept]] = True
+        return spared & ~others
 
     @cached_property
     def _mirrors(self) -> tuple[tuple[IntArray, FloatArray], ...]:

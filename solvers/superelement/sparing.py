@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -34,7 +34,7 @@ def needed(cells: Iterable[Cell], high_hz: float, error: float) -> BoolArray | N
     """Choose the boundary functions that waves in bare plate need.
 
     Functions that differ in direction alone are kept or left out together. Those that change frequencies least are left out,
-    as many as change them by no more than `error` in all.
+    as many as change them by less than `error` in all.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def needed(cells: Iterable[Cell], high_hz: float, error: float) -> BoolArray | N
     high_hz : float
         Highest frequency of interest in Hz.
     error : float
-        Largest relative change of a frequency.
+        Relative change of a frequency.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def needed(cells: Iterable[Cell], high_hz: float, error: float) -> BoolArray | N
             return None
         worst = np.maximum(worst, own)
     order = np.argsort(worst)
-    left_out = order[np.cumsum(worst[order]) <= error]
+    left_out = order[np.cumsum(worst[order]) < error]
     return ~np.isin(kinds, left_out)
 
 
@@ -81,10 +81,10 @@ def kinds_of(face: Interface) -> IntArray:
 
 
 def _effects(cell: Cell, kinds: IntArray, high_hz: float) -> FloatArray | None:
-    """Largest relative rise of a wave's eigenvalue without each kind of functions, (kinds,), by Rayleigh's quotient."""
+    """Largest relative rise of a wave's frequency without each kind of functions, (kinds,)."""
     from solvers.superelement.lattice import ReducedLattice  # other plates have no use for it
 
-    lattice, worst = ReducedLattice(cell), np.zeros(kinds.max() + 1)
+    lattice, worst, each = ReducedLattice(cell), np.zeros(kinds.max() + 1), np.unique(kinds)
     for angle in np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
         direction = np.array([np.cos(angle), np.sin(angle)])
         length = _shortest(lattice, direction, high_hz)
@@ -95,7 +95,10 @@ def _effects(cell: Cell, kinds: IntArray, high_hz: float) -> FloatArray | None:
             moving = (waves.frequency_hz > 0.0) & (waves.frequency_hz <= HIGHER * high_hz)
             vectors = waves.dofs[:, moving]
             if vectors.size:
-                worst = np.maximum(worst, _rises(cell, kinds, vectors))
+                images = cell.stiffness @ vectors, cell.mass @ vectors
+                value = np.divide(*(energy(vectors, image) for image in images))
+                rises = [rise_without(cell, vectors, np.flatnonzero(kinds == one), images, value).max() for one in each]
+                worst[each] = np.maximum(worst[each], rises)
     return worst
 
 
@@ -110,19 +113,68 @@ def _shortest(lattice: ReducedLattice, direction: FloatArray, high_hz: float) ->
     return length
 
 
-def _rises(cell: Cell, kinds: IntArray, vectors: ComplexArray) -> FloatArray:
-    """Relative rise of the eigenvalue of waves (dof, n) without each kind of functions, the largest of all waves, (kinds,)."""
-    images = cell.stiffness @ vectors, cell.mass @ vectors
-    whole = [np.einsum("in,in->n", vectors.conj(), image).real for image in images]
-    out = np.zeros(kinds.max() + 1)
-    for kind in np.unique(kinds):
-        of = np.flatnonzero(kinds == kind)
-        part, left = vectors[of], []
-        for matrix, image, energy in zip((cell.stiffness, cell.mass), images, whole, strict=True):
-            own = np.einsum("in,in->n", part.conj(), matrix[np.ix_(of, of)] @ part).real
-            left.append(energy - 2.0 * np.einsum("in,in->n", part.conj(), image[of]).real + own)
-        out[kind] = np.max(left[0] / left[1] / (whole[0] / whole[1])) - 1.0
-    return np.maximum(out, 0.0)
+class Matrices(Protocol):
+    """Something with K and M: a pencil, or a cell."""
+
+    @property
+    def stiffness(self) -> Any: ...
+    @property
+    def mass(self) -> Any: ...
+
+
+def energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray) -> FloatArray:
+    """Compute u^H v of each pair of columns.
+
+    Parameters
+    ----------
+    vectors, images : ndarray, shape (n, k)
+        u and v.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Real parts.
+    """
+    return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
+
+
+def rise_without(
+    own: Matrices,
+    vectors: FloatArray | ComplexArray,
+    where: IntArray,
+    images: tuple[FloatArray | ComplexArray, FloatArray | ComplexArray],
+    value: FloatArray,
+) -> FloatArray:
+    """Compute the relative rise of frequencies without the part d of each mode u on some functions.
+
+    By Rayleigh's quotient of u - d, from K and M on d alone.
+
+    Parameters
+    ----------
+    own : Matrices
+        Scaled K and M.
+    vectors : ndarray, shape (dof, k)
+        Modes or waves u.
+    where : ndarray of int, shape (n,)
+        The functions.
+    images : tuple of ndarray, shape (dof, k)
+        K u and M u.
+    value : ndarray, shape (k,)
+        Scaled eigenvalues of u.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Relative, at least 0.
+    """
+    dropped = vectors[where]
+    left = [
+        energy(vectors, image)
+        - 2.0 * energy(dropped, image[where])
+        + energy(dropped, matrix[where][:, where] @ dropped)
+        for matrix, image in zip((own.stiffness, own.mass), images, strict=True)
+    ]
+    return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
 
 
 def rise(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> FloatArray:

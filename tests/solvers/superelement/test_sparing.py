@@ -22,7 +22,7 @@ from solvers.superelement.supports import full_panels
 
 GLASS, ALUMINIUM = MATERIALS["glass"], MATERIALS["aluminium"]
 PILLAR = Pillar("square", 1.5e-3, 1.5e-3, 2.5e-3, ALUMINIUM)
-HIGH_HZ, ERROR = 45e3, 2e-4
+HIGH_HZ, ERROR = 45e3, 1e-4
 FOAM = Support("foam", edge="y-", bedding_n_m2=1e5)
 SETTINGS = ReductionSettings(
     Interface(4, 3), 3.0 * HIGH_HZ, HexSettings(3, 1.5e-3, 0), max_edge_m=3e-3, bare_size_m=1.5e-3
