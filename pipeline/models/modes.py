@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf, nan
 from typing import Any
@@ -59,6 +59,7 @@ from solvers.fem.solid import Pencil
 from solvers.measures.confinement import (
     Confinement,
     Overlaps,
+    Pair,
     measure,
     mixed_energy,
     mixed_shares,
@@ -103,6 +104,9 @@ class PartModes:
     target: Target | None = None
     more_in_mesh: int | None = None
     nearest_hz: float | None = None  # nearest mode to a band without modes
+    overlaps: dict[str | None, Pair | None] = field(
+        default_factory=dict
+    )  # of each class's columns, where they are known
 
     @property
     def target_row(self) -> ModeRow | None:
@@ -364,8 +368,7 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
     bars: dict[tuple[str | None, int], dict[str, Any]] = {}
     for symmetry in {key[0] for key in known}:
         rows = sorted((row for key, row in known.items() if key[0] == symmetry), key=_place)
-        touch = part_modes.model.touch(symmetry, part_modes.vectors[symmetry][:, [row.column for row in rows]])
-        if (overlaps := Overlaps.of(touch, case.design, symmetry)) and len(rows) > 1:
+        if len(rows) > 1 and (overlaps := _overlaps(case, part_modes, rows)[0]):
             ends = _ends(part_modes)
             bars |= {
                 (symmetry, row.column): _measure_bars(rows, i, overlaps, ends, share) for i, row in enumerate(rows)
@@ -503,6 +506,7 @@ def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: C
         one.ask(replace(query, count=count))
         if symmetry in (None, target_symmetry(case.design.nodal_lines)):
             one.target = _target(case, query, one)
+        one.shared.near = None  # it bounded the modes not found
         one.errors = one.estimated()
         if query.band_hz:
             one.more_below(one.count.high_hz)  # in parallel with the other classes
@@ -531,6 +535,7 @@ def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: C
         more_in_mesh=_more_in_mesh(classes, count),
         nearest_hz=_nearest_hz(query, classes),
         errors={one.symmetry: one.errors for one in each if one.errors},
+        overlaps={one.symmetry: one.overlaps for one in each},
     )
     return _cut(_with_both(part_modes), query.band_hz)
 
@@ -557,9 +562,10 @@ class _Class:
         self.rigid_count = 0
         self.nearest_hz: float | None = None
         self.count = Count(0.0, 0.0, 0, 0)
-        self.shared = Shared()
+        self.shared = Shared(keeps=isinstance(model, PlateModel))
         self.target: Target | None = None
         self.errors: ModeErrors | None = None
+        self.overlaps: Pair | None = None  # of all columns, where they were measured together
         self._more: dict[float, int | None] = {}
 
     def ask(self, query: Request) -> None:
@@ -652,6 +658,8 @@ class _Class:
         plate = self.model.assembled(self.symmetry)
         force = strength_force(plate.touch(self.vectors[:, :0]), self.case.design, self.symmetry or None)
         low, high = (self.pencil.scale.eigenvalue(end) for end in reach_hz)
+        if self.shared.near and abs(2.0 * self.shared.near[1] / (low + high) - 1.0) > 1e-9:
+            self.shared.near = None  # of a part of the interval: the bound would be looser
         vectors = self.vectors[:, [row.column for row in rows]]
         return largest_outside(self.pencil, self.shared, plate.work(force), vectors, (low, high))
 
@@ -667,7 +675,9 @@ class _Class:
         self.tones = np.concatenate([self.tones, modes.frequency_hz])
         measures: Confinement | None = None
         if self.part in MEASURED and len(modes.frequency_hz):
-            measures = measure(self.model.touch(self.symmetry, modes.vectors), self.case.design, self.symmetry)
+            touch = self.model.touch(self.symmetry, modes.vectors)
+            measures = measure(touch, self.case.design, self.symmetry)
+            self.overlaps = None if first else Overlaps.of_both(touch, self.case.design, self.symmetry)
         return tuple(mode_rows(modes, self.symmetry, measures, first))
 
 
@@ -730,14 +740,20 @@ def level_bars_db(case: Case, part_modes: PartModes, error: float) -> tuple[floa
     if row is None or part_modes.target is None or row.confinement_db is None:
         return None, None
     siblings = list(part_modes.target.rows)
-    touch = part_modes.model.touch(
-        row.symmetry, part_modes.vectors[row.symmetry][:, [each.column for each in siblings]]
-    )
     tones = np.array([each.frequency_hz for each in siblings])
     share, place = calibration.mixing(), siblings.index(row)
-    parts = Overlaps.of(touch, case.design), Overlaps.of_extension(touch, case.design)
+    parts = _overlaps(case, part_modes, siblings)
     bars = [None if part is None or share is None else share * part.mixing_db(tones, place, error) for part in parts]
     return bars[0], bars[1]
+
+
+def _overlaps(case: Case, part_modes: PartModes, rows: Sequence[ModeRow]) -> Pair:
+    """Overlaps of some modes of one class, with the passive face and with the plate beyond the rows."""
+    symmetry, columns = rows[0].symmetry, [row.column for row in rows]
+    if known := part_modes.overlaps.get(symmetry):
+        return known[0] and known[0].among(columns), known[1] and known[1].among(columns)
+    touch = part_modes.model.touch(symmetry, part_modes.vectors[symmetry][:, columns])
+    return Overlaps.of_both(touch, case.design, symmetry)
 
 
 def _classes(model: PartModel, symmetry: str | None) -> tuple[str | None, ...]:
@@ -823,7 +839,7 @@ def without_supports(case: Case, request: Request, solved: PartModes, log: Log) 
         errors = one.estimated()
     part_modes = PartModes(
         "plate", model, one.rows, {symmetry: one.vectors}, one.dof, one.rigid_count, one.count, [],
-        target=target, errors={symmetry: errors} if errors else None,
+        target=target, errors={symmetry: errors} if errors else None, overlaps={symmetry: one.overlaps},
     )  # fmt: skip
     return _with_level_bars(free, _with_errors(_with_both(part_modes)))
 

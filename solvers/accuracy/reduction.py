@@ -239,15 +239,16 @@ def mode_errors(
     ModeErrors
         Relative errors of the frequencies, (k,) each.
     """
-    value = energy(vectors, pencil.stiffness @ vectors)
+    images = pencil.stiffness @ vectors, pencil.mass @ vectors
+    value = energy(vectors, images[0])
     held = isinstance(plate, AssembledPlate) and bool(plate.holds)
-    along = by_degrees(pencil, vectors, last_degree(plate), held=held)
+    along = by_degrees(pencil, vectors, last_degree(plate), images, held)
     if isinstance(plate, AssembledPlate):
         along = along + rise(plate, value, np.real(vectors))
     if all(cell.further for cell in plate.cells):
         through = _by_further(plate, value, vectors)
     else:
-        through = EDGE_LAYER * by_degrees(pencil, vectors, _dofs(plate, last_layer), held=held)
+        through = EDGE_LAYER * by_degrees(pencil, vectors, _dofs(plate, last_layer), images, held)
     return ModeErrors(by_modes(plate, value, vectors), along, through, *by_mesh(plate, value, vectors, rims))
 
 

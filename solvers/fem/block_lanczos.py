@@ -18,7 +18,7 @@ MAX_COUNT = 6.0  # vectors of the basis per requested pair: beyond, restarts are
 TOLERANCE = 1e-11  # residual over the inverse's eigenvalue; the errors of eigenvalues go with its square
 WIDE = 15  # degrees of freedom per pair at least: below, the basis would be most of the space
 MASSLESS = 1e-14  # v'Mv over the largest seen: v'v is 1 for each, and such a direction moves no mass
-BYTES = 512e6  # of a basis that is still kept whole
+BYTES = 1e9  # of a basis that is still kept whole; it rarely grows to half of its limit, and takes no memory before
 EVERY = 2  # blocks between looks at the residuals
 
 Operator = Callable[[FloatArray], FloatArray]

@@ -71,13 +71,14 @@ class Count:
 class Shared:
     """Shared state of the solves of one pencil: the symbolic analysis, the counts so far, a factor of K if there is one.
 
-    near: a factor of K - s M and its s, where one is kept for what follows.
+    near: a factor of K - s M and its s, where one is kept for what follows; keeps: the last slice's is kept.
     """
 
     factorise: Factoriser = field(default_factory=Factoriser)
     static: Factor | None = None
     counts: dict[float, int] = field(default_factory=dict)
     near: tuple[Factor, float] | None = None
+    keeps: bool = False
     _norms: tuple[float, float] | None = None
 
     def norms_of(self, pencil: PlainPencil) -> tuple[float, float]:
@@ -424,6 +425,8 @@ class _Solver:
         def counted(matrix: sp.csc_array) -> Factor:
             self.factorisations += 1
             self._at_end = None  # no two factors are held at once
+            if self.shared.keeps:
+                self.shared.near = None
             return self.shared.factorise(matrix)
 
         return _factors_near(self.pencil, shift, counted, RIGID[0] * self.norm_ratio, moves)
@@ -553,6 +556,7 @@ class _Solver:
                     break
                 values, vectors = self._missing(factor, shift, low, high, values, vectors, expected)
             if len(values) == expected and (self.residual(values, vectors) <= RESIDUAL).all():
+                self.shared.near = (factor, shift) if self.shared.keeps else None
                 break
         if len(values) != expected:
             raise CountMismatch(self._mismatch(low, high, expected, len(values)))

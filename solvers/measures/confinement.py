@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import log
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,6 +148,16 @@ class Overlaps:
         return cls(active, passive)
 
     @classmethod
+    def of_both(cls, touch: TouchField, design: Design, symmetry: str | None = None) -> Pair:
+        """Overlaps with the passive face, and with the plate beyond the last row."""
+        return cls.of(touch, design, symmetry), cls.of_extension(touch, design)
+
+    def among(self, modes: Sequence[int]) -> Overlaps:
+        """Overlaps of some of the modes."""
+        square, shapes = np.ix_(modes, modes), self.projection[list(modes)] if len(self.projection) else self.projection
+        return Overlaps(self.active[square], self.passive[square], shapes, self.strength)
+
+    @classmethod
     def of_extension(cls, touch: TouchField, design: Design) -> Overlaps | None:
         """Overlaps with the plate beyond the last row in place of the passive face; None without any."""
         active, beyond = touch.is_active(design), design.beyond_rows(touch.points)
@@ -208,6 +218,9 @@ class Overlaps:
         inside = own + 2.0 * signed * self.active[index, others] + signed**2 * self.active[others, others]
         both = np.array([projected / np.maximum(inside, 1e-300), self.strength * projected / (1.0 + signed**2)])
         return np.asarray(np.abs(both[:, :2] - both[:, 2:]).max(axis=1))
+
+
+Pair: TypeAlias = "tuple[Overlaps | None, Overlaps | None]"
 
 
 def ratio_db(inside: Any, outside: Any) -> FloatArray:

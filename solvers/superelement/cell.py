@@ -208,6 +208,8 @@ class MeshError:
         """
 
         def rise(stiffness: FloatArray, mass: FloatArray) -> FloatArray:
+            if not stiffness.any() and not mass.any():  # of a bare panel by the layer
+                return np.zeros_like(eigenvalue)
             stiff, heavy = (np.einsum("ik,ik->k", vectors.conj(), part @ vectors).real for part in (stiffness, mass))
             return np.asarray((stiff - eigenvalue * heavy) / (2.0 * eigenvalue))
 

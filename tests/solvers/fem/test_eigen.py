@@ -82,6 +82,21 @@ def test_vectors_are_orthonormal_and_meet_the_equation() -> None:
     assert modes.residual.max() < 1e-10
 
 
+def test_the_factor_of_a_window_is_kept_where_it_serves_what_follows() -> None:
+    body = pencil(("touch",))
+    truth = dense(body)
+    low, high = (truth[3] + truth[4]) / 2.0, (truth[19] + truth[20]) / 2.0
+    shared = Shared(keeps=True)
+    modes_in_band(body, low, high, shared)
+    assert shared.near and shared.near[1] == pytest.approx(
+        (body.scale.eigenvalue(low) + body.scale.eigenvalue(high)) / 2.0
+    )
+    assert shared.near[0].negative == (truth < body.scale.frequency(np.array([shared.near[1]]))[0]).sum()
+    modes_in_band(body, high, 1.3 * high, shared)
+    assert shared.near is None or shared.near[1] > body.scale.eigenvalue(high)
+    assert modes_in_band(body, low, high, Shared()).factorisations == 3
+
+
 def test_many_modes_are_collected_over_several_shifts(monkeypatch: pytest.MonkeyPatch) -> None:
     body = pencil(("touch",))
     truth = dense(body)

@@ -60,6 +60,15 @@ def test_one_neighbour_moves_the_level_over_the_plate_beyond_the_rows_as_its_sha
     assert Overlaps.of_extension(face(values, short.half_span_m), short) is None
 
 
+def test_overlaps_of_some_modes_are_those_of_their_motion_alone() -> None:
+    values = fields(4)
+    every, one = (Overlaps.of_both(face(own), DESIGN) for own in (values, values[:, [3, 1]]))
+    for all_of_them, alone in zip(every, one, strict=True):
+        assert all_of_them and alone
+        for name in ("active", "passive", "projection"):
+            assert getattr(all_of_them.among([3, 1]), name) == pytest.approx(getattr(alone, name), rel=1e-12)
+
+
 def test_complex_neighbours_move_the_level_as_that_of_the_worst_phase_does() -> None:
     """A column's modes at a wavenumber: what the neighbour's share of any phase does to the level, to first order."""
     draw = np.random.default_rng(6).normal(size=(2, 1000, 2)) + 0.3
