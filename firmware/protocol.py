@@ -333,6 +333,7 @@ class Flag(IntFlag):
     RETRIES = 16
     EASED = 32
     DISPLACEMENT = 64  # the sensor follows displacement, not velocity
+    GAVE_UP = 128
 
 
 @dataclass(frozen=True)
@@ -383,6 +384,11 @@ class Status:
     def retries(self) -> bool:
         """True in the fault state if the board will clear the fault and try again by itself."""
         return bool(self.flags & Flag.RETRIES)
+
+    @property
+    def gave_up(self) -> bool:
+        """True at rest if the last job was given up because `first` came back after each retry."""
+        return bool(self.flags & Flag.GAVE_UP)
 
     @property
     def eased(self) -> bool:

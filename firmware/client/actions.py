@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware.client.client import BoardError, Client, Refused, amplitude, figure
+from firmware.client.client import BoardError, Client, Refused, amplitude, figure, given_up
 from firmware.mode_table import PERIOD, RATE_HZ
 from firmware.protocol import PAYLOAD_MAX, PROTOCOL, Identity, Record, SingleStatus, SixStatus
 
@@ -203,9 +203,11 @@ def _identify_by_chirps(client: Client, picture: Path | None) -> None:
 
 
 def without_fault(result: SingleStatus | SixStatus, action: str) -> None:
-    """Raise BoardError if the board is in the fault state."""
+    """Raise BoardError if the board is in the fault state, or gave the job up."""
     if result.state == "fault":
         raise BoardError(f"{action}: ended with fault {', '.join(result.faults)}")
+    if result.gave_up:
+        raise BoardError(f"{action}: {given_up(result)}")
 
 
 def keep_running(client: Client, action: str) -> None:
@@ -214,7 +216,7 @@ def keep_running(client: Client, action: str) -> None:
     Raises
     ------
     BoardError
-        If the board ends in the fault state.
+        If the board ends in the fault state, or gives the job up.
     """
     while True:
         result = client.status()

@@ -387,12 +387,22 @@ def describe(status: SingleStatus | SixStatus) -> str:
         faults += f" (first {', '.join(status.first)})"
     if status.retries:
         faults += ", tries again"
+    if status.gave_up:
+        faults += f", {given_up(status)}"
     if status.eased:
         faults += ", drive limited to half after a long time at its limit"
     if status.limited:
         faults += ", drive at its limit, reference not reached"
     lines = _six_lines(status) if isinstance(status, SixStatus) else _single_lines(status)
     return "\n".join([f"state {status.state}{faults}", *lines])
+
+
+def given_up(status: Status) -> str:
+    """Say why a board gave its job up, and what to do."""
+    return (
+        f"gave up, because every retry ended with {', '.join(status.first)}: take the hand off the plate and start again, "
+        "or check the sensor"
+    )
 
 
 def describe_identity(identity: Identity) -> str:

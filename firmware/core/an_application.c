@@ -117,8 +117,9 @@ static void start_again(an_application *app, const an_build *build)
 
 static void serve_retry(an_application *app, const an_build *build, an_retry_order order)
 {
-    if (order == AN_RETRY_CLEAR) {
+    if (order == AN_RETRY_CLEAR || order == AN_RETRY_GIVE_UP) {
         an_application_clear(app, build);
+        app->confirmed = app->confirmed && order == AN_RETRY_CLEAR;
     } else if (order == AN_RETRY_START) {
         start_again(app, build);
     }
@@ -228,12 +229,13 @@ void an_application_status(const an_application *app, const an_build *build, uin
 {
     const an_moment now = build->moment(app);
     const uint32_t own = (now.limited ? (uint32_t)AN_STATUS_LIMITED : 0u) |
-                         (app->retry.waits ? (uint32_t)AN_STATUS_RETRIES : 0u) |
+                         (app->retry.waits || app->retry.due ? (uint32_t)AN_STATUS_RETRIES : 0u) |
+                         (app->retry.gave_up != 0u ? (uint32_t)AN_STATUS_GAVE_UP : 0u) |
                          (app->eased ? (uint32_t)AN_STATUS_EASED : 0u);
     status->state_number = (uint8_t)app->supervisor.state;
     status->flags = (uint8_t)(flags | own);
     status->fault_bits = app->supervisor.faults;
-    status->first_bits = app->supervisor.first;
+    status->first_bits = app->supervisor.first | app->retry.gave_up;
     status->windows = now.window;
     status->underruns = app->texture.underruns;
     status->worst_cycles = app->worst_cycles;

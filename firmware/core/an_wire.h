@@ -92,6 +92,7 @@ typedef enum {
     AN_STATUS_RETRIES = 16,
     AN_STATUS_EASED = 32,
     AN_STATUS_DISPLACEMENT = 64,
+    AN_STATUS_GAVE_UP = 128,
 } an_status_flag;
 
 enum {

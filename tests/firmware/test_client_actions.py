@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from firmware.client import actions, command_line
-from firmware.client.client import BoardError, Client, describe_health
-from firmware.protocol import FAULT, IDENTIFY, IDLE, PROTOCOL, RUN, Fault, Kind, Message, Result
+from firmware.client.client import BoardError, Client, describe, describe_health
+from firmware.protocol import FAULT, IDENTIFY, IDLE, PROTOCOL, RUN, Fault, Flag, Kind, Message, Result
 from tests.helpers.fake_board import (
     HEALTH,
     SIX_STATUS,
@@ -492,6 +492,16 @@ def test_a_fault_that_the_board_retries_is_not_the_end(monkeypatch: pytest.Monke
     with pytest.raises(BoardError, match="start: ended with fault mismatch"):
         actions.keep_running(Client(Retrying()), "start")
     assert not states and capsys.readouterr().out.count("fault  ") == 4
+
+
+def test_a_job_that_the_board_gave_up_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At rest and without a fault, but not as asked; the line says why."""
+    port = FakePort(status=single_status(IDLE, first=Fault.MISMATCH, flags=1 | Flag.GAVE_UP))
+    with pytest.raises(
+        BoardError, match=r"^start: gave up, because every retry ended with mismatch: take the hand off"
+    ):
+        actions.keep_running(Client(port), "start")
+    assert "state idle, gave up, because every retry" in describe(Client(port).status())
 
 
 def test_a_board_that_takes_no_samples_ends_the_stream(monkeypatch: pytest.MonkeyPatch) -> None:
