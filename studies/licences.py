@@ -153,8 +153,8 @@ def _distribution(name: str) -> metadata.Distribution:
 
 def locked() -> dict[str, str]:
     """The versions of constraints.txt by canonical name."""
-    lines = (ROOT / "constraints.txt").read_text().split()
-    return {canonicalize_name(name): version for name, _, version in (line.partition("==") for line in lines)}
+    lines = re.findall(r"^([^\s#]+)==([^\s;]+)", (ROOT / "constraints.txt").read_text(), re.MULTILINE)
+    return {canonicalize_name(name): version for name, version in lines}
 
 
 def package(name: str, versions: dict[str, str]) -> Package:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from email.message import Message
 from importlib import metadata
 from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
+from pipeline.paths import ROOT
 from studies import licences
 
 
@@ -35,6 +38,15 @@ def test_a_page_that_is_out_of_date_is_told_and_mended(capsys, monkeypatch: pyte
     assert licences.main(["--check"]) == 4 and "make licences" in capsys.readouterr().err
     assert licences.main([]) == 0 and licences.PAGE.read_text() == f"prose\n{licences.MARK}new\n"
     assert licences.main(["--check"]) == 0
+
+
+def test_every_locked_package_has_hashes_and_the_extras_are_all_locked() -> None:
+    text = (ROOT / "constraints.txt").read_text()
+    blocks = re.findall(r"^([^\s#]+==[^\\\n]+?) ?((?:\\\n +--hash=sha256:[0-9a-f]{64} ?)*)$", text, re.MULTILINE)
+    assert len(blocks) == text.count("==") - text.count(" == ") > 150
+    assert [name for name, hashes in blocks if not hashes] == []
+    needed = {canonicalize_name(one.name) for some in licences.extras().values() for one in some}
+    assert needed <= set(licences.locked())
 
 
 def test_another_version_than_the_locked_one_is_refused(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
