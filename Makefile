@@ -27,7 +27,7 @@ help:  ## list the targets
 
 setup: $(READY)  ## create the environment only
 
-# Every package by version and hash; with fewer extras by version only, as pip takes no hashes beside an editable project.
+# Every package by version and hash; with fewer extras by version only, as pip takes none next to an editable project.
 # uv installs in a fifth of pip's time; where it cannot be had, pip does.
 $(READY): pyproject.toml constraints.txt
 	@pip="$(BIN)/python -m pip --disable-pip-version-check"; \
