@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 
-from firmware.mode_table import ALLOWED, FREQUENCY_HIGH, GAIN, MAX_BYTES, MIN_MODE_HZ, RATE_HZ, crc32
+from firmware.mode_table import ALLOWED, CHANNELS, FREQUENCY_HIGH, GAIN, MAX_BYTES, MIN_MODE_HZ, RATE_HZ, crc32
 
 PAYLOAD_MAX = 120
 FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the first COBS code and the final zero
@@ -20,7 +20,7 @@ REPLY = 0x80
 LOG_RECORDS = 0xC0
 BAUD = 921600
 CHIRP_ROWS = 1024  # steps of a chirp that the board records
-PROTOCOL = 6  # version
+PROTOCOL = 7  # version
 
 
 class ProtocolError(ValueError):
@@ -50,6 +50,7 @@ class Kind(IntEnum):
     CAPTURED = 18
     CHIRP = 19
     MEASURED = 20
+    COLUMN = 21
 
 
 class Result(IntEnum):
@@ -308,6 +309,13 @@ class Measured:
     misfit: Annotated[float, "<f4", Range(0.0, 1.0)]
 
 
+@dataclass(frozen=True)
+class ColumnRequest:
+    """Return the measured responses of all sensors to one actuator; not before they have been measured."""
+
+    actuator: Annotated[int, "<u4", Range(0, CHANNELS - 1)]
+
+
 REQUESTS: dict[Kind, tuple[type, ...]] = {
     Kind.START: (Start, SixStart),
     Kind.REFERENCE: (Reference,),
@@ -320,6 +328,7 @@ REQUESTS: dict[Kind, tuple[type, ...]] = {
     Kind.CAPTURED: (CapturedRequest,),
     Kind.CHIRP: (Chirp,),
     Kind.MEASURED: (Measured,),
+    Kind.COLUMN: (ColumnRequest,),
 }  # with a payload of fixed length; UPLOAD_DATA has an offset (u4) and bytes, SAMPLES factors (u2, 65535 = 1)
 
 
@@ -449,6 +458,22 @@ class SixStatus(Status):
 
 
 @dataclass(frozen=True)
+class Column:
+    """Column of T: responses of all sensors to one actuator, and their squared coherence (0: not measured by this board).
+
+    seconds is the duration of the measurement's dwells, least_s the least possible one; integral is the share of an error
+    that the loop's integral takes per window, passed the time between two windows in the table's time constants.
+    """
+
+    responses: Annotated[list[complex], "c8", CHANNELS]
+    coherence: Annotated[list[float], "f4", CHANNELS]
+    seconds: F4
+    least_s: F4
+    integral: F4
+    passed: F4
+
+
+@dataclass(frozen=True)
 class Health:
     """Health of the board.
 
@@ -535,7 +560,7 @@ class Captured:
     words: tuple[int, ...]
 
 
-Read = TypeVar("Read", Status, SingleStatus, SixStatus, Health, Record, Identity)
+Read = TypeVar("Read", Status, SingleStatus, SixStatus, Column, Health, Record, Identity)
 
 
 def layout(kind: type) -> np.dtype[Any]:

@@ -25,6 +25,7 @@ REPLIES = (
     protocol.Status,
     protocol.SingleStatus,
     protocol.SixStatus,
+    protocol.Column,
     protocol.Identity,
     protocol.Health,
     protocol.Record,

@@ -177,15 +177,24 @@ def identify(client: Client, text: argparse.Namespace) -> None:
     if isinstance(client.status(), SingleStatus):
         _identify_by_chirps(client, text.plot)
         begin = client.start
-    elif text.plot:
-        raise ValueError("identify --plot: the six-channel image records no response; leave the picture out")
     else:
-        client.identify()
-        keep_running(client, "identify")
+        _identify_matrix(client, text.plot)
         begin = partial(client.pattern, 0)
     if text.reference is not None:
         begin(client.share_of(text.reference))
         keep_running(client, "identify")
+
+
+def _identify_matrix(client: Client, picture: Path | None) -> None:
+    from firmware.client import matrix
+
+    client.identify()
+    keep_running(client, "identify")
+    found = matrix.read(client)
+    print(matrix.describe(found), flush=True)
+    if picture:
+        matrix.draw(picture, found)
+    matrix.judge(found)
 
 
 def _identify_by_chirps(client: Client, picture: Path | None) -> None:

@@ -28,6 +28,8 @@ from firmware.protocol import (
     CaptureRequest,
     Chirp,
     Choose,
+    Column,
+    ColumnRequest,
     Health,
     Identity,
     Kind,
@@ -250,6 +252,10 @@ class Client:
     def chirp(self, chirp: Chirp) -> None:
         """Drive a chirp and record its response, until stopped; requires contact at least twice per second."""
         self._drive(Kind.CHIRP, pack(chirp))
+
+    def column(self, actuator: int) -> Column:
+        """Return the measured responses to an actuator (six-channel build)."""
+        return self.request(Kind.COLUMN, pack(ColumnRequest(actuator)), partial(parse, Column))
 
     def stop(self) -> None:
         """Return to rest."""

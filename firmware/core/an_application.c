@@ -326,6 +326,6 @@ an_result an_application_handle_request(an_application *app, const an_build *bui
     case AN_UPLOAD_END:
         return check_table(app, build, staged, reply);
     default:
-        return build->handle_request(app, request);
+        return build->handle_request(app, request, reply);
     }
 }

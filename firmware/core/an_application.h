@@ -71,7 +71,7 @@ typedef struct an_build {
     uint8_t *(*put_status)(const an_application *app, uint8_t *at);
     uint8_t *(*put_values)(const an_application *app, uint8_t *at); /* write the measured values (AN_KEEP_VALUES_MAX) */
     bool (*take_values)(an_application *app, const uint8_t *values, uint32_t length); /* restore them */
-    an_result (*handle_request)(an_application *app, const an_message *request); /* requests specific to this build */
+    an_result (*handle_request)(an_application *app, const an_message *request, an_message *reply); /* this build's own */
 } an_build;
 
 /* Start at rest, or in the fault state if any faults were found before. */

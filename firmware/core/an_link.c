@@ -148,7 +148,7 @@ static an_result answer(an_link *link, const an_message *request, an_message *re
 /* Requests that change nothing, and stop: a host that repeats a stop wants one, whatever became of the first. */
 static bool is_always_executed(uint32_t kind)
 {
-    return kind == AN_IDENTITY || kind == AN_STATUS || kind == AN_HEALTH || kind == AN_CAPTURED || kind == AN_STOP;
+    return kind == AN_IDENTITY || kind == AN_STATUS || kind == AN_HEALTH || kind == AN_CAPTURED || kind == AN_COLUMN || kind == AN_STOP;
 }
 
 static uint32_t digest_of(const an_message *request)

@@ -1,6 +1,6 @@
 #include "an_protocol.h"
 
-static const uint8_t request_bytes[AN_MEASURED + 1] = {AN_REQUEST_BYTES};
+static const uint8_t request_bytes[AN_COLUMN + 1] = {AN_REQUEST_BYTES};
 
 /* Samples and pieces of an upload come in any number. */
 bool an_protocol_has_its_length(const an_message *request)

@@ -25,6 +25,7 @@ typedef enum {
     AN_CAPTURED = 18,
     AN_CHIRP = 19,
     AN_MEASURED = 20,
+    AN_COLUMN = 21,
     AN_REPLY = 0x80,
     AN_LOG_RECORDS = 0xc0,
 } an_kind;
@@ -97,7 +98,7 @@ typedef enum {
 
 enum {
     AN_FAULT_COUNT = 17,
-    AN_PROTOCOL = 6,
+    AN_PROTOCOL = 7,
     AN_PAYLOAD_MAX = 120,
     AN_CHIRP_ROWS = 1024,
     AN_TABLE_VERSION = 2,
@@ -203,6 +204,12 @@ typedef struct {
 } an_measured_request;
 _Static_assert(sizeof(an_measured_request) == 32u, "packed");
 
+/* Return the measured responses of all sensors to one actuator; not before they have been measured. */
+typedef struct {
+    uint32_t actuator;
+} an_column_request;
+_Static_assert(sizeof(an_column_request) == 4u, "packed");
+
 /* Status common to both builds. */
 typedef struct {
     uint8_t state_number;
@@ -246,6 +253,17 @@ typedef struct {
     an_complex sensors[6];
 } an_six_status;
 _Static_assert(sizeof(an_six_status) == sizeof(an_status) + 68u, "packed");
+
+/* Column of T: responses of all sensors to one actuator, and their squared coherence (0: not measured by this board). */
+typedef struct {
+    an_complex responses[6];
+    float coherence[6];
+    float seconds;
+    float least_s;
+    float integral;
+    float passed;
+} an_column;
+_Static_assert(sizeof(an_column) == 88u, "packed");
 
 /* Identity of a board: protocol version, build, table version, number of modes or shapes, and hash of the design. */
 typedef struct {
@@ -345,7 +363,8 @@ _Static_assert(sizeof(an_shape_row) == 756u, "packed");
     [AN_CAPTURE] = sizeof(an_capture_request), \
     [AN_CAPTURED] = sizeof(an_captured_request), \
     [AN_CHIRP] = sizeof(an_chirp_request), \
-    [AN_MEASURED] = sizeof(an_measured_request)
+    [AN_MEASURED] = sizeof(an_measured_request), \
+    [AN_COLUMN] = sizeof(an_column_request)
 
 /* Allowed ranges of single numbers: offset, lowest, highest. */
 #define AN_HEADER_BOUNDS \

@@ -136,6 +136,7 @@ ASKING = {
     Kind.CAPTURE: lambda talk: talk.capture(1),
     Kind.CAPTURED: lambda talk: talk.captured(0),
     Kind.CHIRP: lambda talk: talk.chirp(Chirp(31e3, 0.1, 0, 1, 512, 1, 512)),
+    Kind.COLUMN: lambda talk: talk.column(0),
     Kind.MEASURED: lambda talk: talk.set(Measured(31e3, 3e-3, 0.5j, 9e-6, 0.01, 0.3, 0.001)),
 }
 

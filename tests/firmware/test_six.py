@@ -107,12 +107,12 @@ def test_the_plate_is_probed_as_hard_as_it_needs(hosted, largest: float) -> None
 
 
 def test_no_identification_takes_more_than_a_minute(hosted) -> None:
-    """A table may state any decay: dwells are those of a quality factor of 1000 at most, and a minute ends them."""
+    """A table may state any decay: glances are those of a quality factor of 1000 at most, and a minute ends them."""
     board = hosted(table(tau_s=9.0), QUICK)
     board.run(5e-3)
     assert board.lib.an_six_start(board.app, 0, 0.1)
     board.run(5e-3)
-    assert board.app.probed_s == pytest.approx(6.0 * 1000.0 / (np.pi * 2400.0), rel=0.02)
+    assert board.app.probed_s == pytest.approx(1.5 * 1000.0 / (np.pi * 2400.0), rel=0.03)
     board.app.probed_s = 59.9
     board.run_while(IDENTIFY, 1.0)
     assert board.faults == Fault.IDENTIFY and board.state == FAULT
@@ -132,7 +132,7 @@ def test_a_plate_that_decays_slowly_is_held_within_ten_seconds(hosted, off: floa
     board.run(5e-3)
     assert board.lib.an_six_start(board.app, 0, 0.0)
     took_s = board.run_while(IDENTIFY, 10.0)
-    assert board.state == RUN and took_s < 3.0
+    assert board.state == RUN and took_s < 1.15 * board.lib.an_six_least_s(board.app) < 10.0
     matrix, true = board.app.shaping.matrix, beam.structure.sampled_matrix(9.6e3)
     measured = np.array([complex(z.re, z.im) for z in matrix]).reshape(6, 6)
     assert np.abs(measured - true).max() < 0.01 * np.abs(true).max()

@@ -47,8 +47,10 @@ def sound(request: Message, status: bytes = STATUS) -> Message:
     """The reply of a board that grants everything."""
     samples = bytes([len(request.payload) // 2])
     captured = struct.pack("<HHB4H", 4, 4, 2, 2048, 2049, 2050, 2051)
+    column = [0.5 if number // 2 == sum(request.payload[:1]) else 0.05 for number in range(12)]
     more = {
         Kind.STATUS: status,
+        Kind.COLUMN: struct.pack("<22f", *column, *[0.999] * 6, 5.9, 5.6, 3e-3, 0.0101),
         Kind.IDENTITY: IDENTITY,
         Kind.HEALTH: HEALTH,
         Kind.SAMPLES: samples,

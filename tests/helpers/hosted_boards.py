@@ -222,12 +222,12 @@ class RigPort:
 
     BYTE_S = 10.0 / 921600.0
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig | HostedSix) -> None:
         ffi, lib = rig.ffi, rig.lib
         self.rig, self.lib, self.link = rig, lib, ffi.new("an_link *")
-        capture = ffi.addressof(rig.rig, "capture")
-        lib.an_capture_init(capture, 1)
-        lib.an_link_init(self.link, rig.base, rig.build, capture)
+        self.capture = ffi.addressof(rig.rig, "capture") if isinstance(rig, Rig) else ffi.new("an_capture *")
+        lib.an_capture_init(self.capture, 1 if isinstance(rig, Rig) else CHANNELS)
+        lib.an_link_init(self.link, rig.base, rig.build, self.capture)
         self.received = b""
         self.elapsed_s = 0.0
 

@@ -99,6 +99,6 @@ extern const an_build an_single_build;
 
 /* Members of an_single_build defined in an_single_link.c. */
 uint8_t *an_single_put_status(const an_application *app, uint8_t *at);
-an_result an_single_handle_request(an_application *app, const an_message *request);
+an_result an_single_handle_request(an_application *app, const an_message *request, an_message *reply);
 
 #endif

@@ -59,8 +59,9 @@ static an_result adopt(an_single *app, const an_message *request)
     return an_single_adopt(app, &given) ? AN_OK : AN_NOT_NOW;
 }
 
-an_result an_single_handle_request(an_application *base, const an_message *request)
+an_result an_single_handle_request(an_application *base, const an_message *request, an_message *reply)
 {
+    (void)reply;
     an_single *app = (an_single *)base;
     switch (request->kind) {
     case AN_START:

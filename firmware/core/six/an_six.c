@@ -11,9 +11,11 @@
 #define AN_HEADROOM 0.9f     /* of the drive limit, for the integrals */
 #define AN_PROBE_LEVEL 0.01f /* of the drive limit, first level for each actuator */
 #define AN_PROBE_MAX 0.5f   /* of the drive limit */
-#define AN_PROBE_STEP 4.0f
+#define AN_PROBE_STEP 16.0f  /* largest ratio of two successive levels */
+#define AN_PROBE_HALF 0.5f   /* of the largest level: from there, raising it is not worth a dwell */
 #define AN_PROBE_LOW 0.05f   /* of the sensor's full scale: a smaller response is measured again at a higher level */
 #define AN_SETTLE 6.0f       /* time constants of a mode near the carrier */
+#define AN_GLANCE 1.5f       /* likewise, until the response shows whether the level suits */
 #define AN_QUALITY_MOST 1000.0f /* of a plate that has settled by then */
 #define AN_PROBE_AIM 0.15f   /* of full scale: intended response of the next actuator */
 #define AN_VERIFY2 0.01f     /* squared: largest error of the superposition that T predicts */
@@ -27,7 +29,7 @@
 #define AN_NO_REFERENCE 1e-6f /* of full scale: far below noise; 0 would select half of the reachable one */
 #define AN_PERIODS 2.0f /* least number of carrier periods in a window */
 
-enum { BUILD_NUMBER = 6, WINDOW_MIN = 46, PROBE_AVERAGE = 8 };
+enum { BUILD_NUMBER = 6, WINDOW_MIN = 46, PROBE_AVERAGE = 8, GLANCE_AVERAGE = 2 };
 
 static float period_s(const an_six *app)
 {
@@ -89,9 +91,9 @@ static float near_s(const an_six *app)
     return app->shape.tau_s < most_s ? app->shape.tau_s : most_s;
 }
 
-static uint32_t settle_of(const an_six *app)
+static uint32_t settle_of(const an_six *app, float time_constants)
 {
-    return (uint32_t)(AN_SETTLE * near_s(app) / period_s(app)) + 2u;
+    return (uint32_t)(time_constants * near_s(app) / period_s(app)) + 2u;
 }
 
 /* Share of its way that a first-order filter covers per period: an implicit Euler step of the time constant tau. */
@@ -101,9 +103,19 @@ static float share_of(const an_six *app, float tau_s)
     return x / (1.0f + x);
 }
 
+float an_six_integral(const an_six *app)
+{
+    return AN_SIX_INTEGRAL * share_of(app, app->shape.tau_s);
+}
+
 static float dwell_s(const an_six *app)
 {
-    return (float)(settle_of(app) + PROBE_AVERAGE) * period_s(app);
+    return (float)(settle_of(app, AN_SETTLE) + PROBE_AVERAGE) * period_s(app);
+}
+
+float an_six_least_s(const an_six *app)
+{
+    return (float)(app->channels + 1u) * dwell_s(app);
 }
 
 /* Drives of a check: with T exact, all sensors show app->probe_level. */
@@ -129,10 +141,12 @@ static bool post_dwell(an_six *app)
         AN_ASSERT(app->probe < app->channels && app->probe_level <= app->shape.drive_limit);
         job->drive[app->probe] = an_scale(an_turn(app->step), app->probe_level);
     }
-    job->settle = settle_of(app);
+    const uint32_t settle = settle_of(app, app->glancing ? AN_GLANCE : AN_SETTLE);
+    const uint32_t seen = app->glanced ? settle_of(app, AN_GLANCE) + (uint32_t)GLANCE_AVERAGE : 0u;
+    job->settle = settle > seen ? settle - seen : 0u;
     job->soft = share_of(app, AN_SOFT * near_s(app));
-    job->average = PROBE_AVERAGE;
-    app->probed_s += dwell_s(app);
+    job->average = app->glancing ? (uint32_t)GLANCE_AVERAGE : (uint32_t)PROBE_AVERAGE;
+    app->probed_s += (float)(job->settle + job->average) * period_s(app);
     an_handover_post(&app->slow.hand);
     return true;
 }
@@ -177,7 +191,7 @@ static bool post_track(an_six *app)
     app->eased = app->base.eased;
     job->drive_limit *= app->eased ? AN_EASED : 1.0f;
     job->soft = share_of(app, AN_SOFT * app->shape.tau_s);
-    job->integral = AN_SIX_INTEGRAL * share_of(app, app->shape.tau_s);
+    job->integral = an_six_integral(app);
     job->patience = (uint32_t)AN_SIX_DOUBT * windows_of(app, AN_MISMATCH_TIME);
     an_handover_post(&app->slow.hand);
     return true;
@@ -204,6 +218,8 @@ static void begin_identify(an_application *base)
     app->probed_s = 0.0f;
     app->checking = false;
     app->verifying = false;
+    app->glancing = true;
+    app->glanced = false;
     app->probe = 0u;
     app->probe_level = AN_PROBE_LEVEL * app->shape.drive_limit;
     app->motion = 0.0f;
@@ -218,6 +234,7 @@ static void drive_all(an_six *app)
         targets[i] = an_cplx(1.0f, 0.0f);
     }
     app->checking = true;
+    app->glancing = false;
     const float reached = app->shape.drive_limit / (an_shaping_effort(&app->shaping, targets) + 1e-6f);
     app->probe_level = AN_CHECK_LEVEL * (reached < 1.0f ? reached : 1.0f);
 }
@@ -250,6 +267,7 @@ static void read_shape(an_six *app, uint32_t index)
     app->identified = 0u;
     app->base.confirmed = false;
     app->reachable = 0.0f;
+    an_clear(app->coherence, sizeof app->coherence);
     an_shaping_init(&app->shaping, app->channels);
     choose_window(app);
     if ((app->shape.flags & AN_MATRIX_IDENTIFIED) != 0u) {
@@ -344,11 +362,11 @@ void an_six_set_reference(an_six *app, float reference)
     }
 }
 
-static float largest_response(const an_six *app)
+static float largest_response(const an_six *app, uint32_t average)
 {
     float largest = 0.0f;
     for (uint32_t i = 0u; i < app->channels; i++) {
-        const float size = an_abs(app->slow.total[i]) / (float)PROBE_AVERAGE;
+        const float size = an_abs(app->slow.total[i]) / (float)average;
         largest = size > largest ? size : largest;
     }
     return largest;
@@ -379,15 +397,42 @@ static void end_identify(an_six *app)
     }
 }
 
-/* Take a column of T from the dwell of one actuator, or raise the level for another dwell. */
+/* Raise the level if the response is too small; false if it may stay. */
+static bool raise_level(an_six *app, float response)
+{
+    const float most = AN_PROBE_MAX * app->shape.drive_limit;
+    if (response >= AN_PROBE_LOW || app->probe_level > AN_PROBE_HALF * most) {
+        return false;
+    }
+    const float ratio = AN_PROBE_STEP * response > AN_PROBE_AIM ? AN_PROBE_AIM / response : AN_PROBE_STEP;
+    const float raised = ratio * app->probe_level;
+    app->probe_level = raised < most ? raised : most;
+    return true;
+}
+
+/* Magnitude-squared coherence of drive and sensor, from the windows of a dwell. */
+static void note_coherence(an_six *app)
+{
+    for (uint32_t i = 0u; i < app->channels; i++) {
+        const float energy = (float)PROBE_AVERAGE * app->slow.energy[i];
+        const float own = energy > 0.0f ? an_abs2(app->slow.total[i]) / energy : 0.0f;
+        app->coherence[i * AN_SIX + app->probe] = own;
+    }
+}
+
+/* Take a column of T from the dwell of one actuator, or raise the level for another one. A glance after a part of the dwell
+ * shows early that the level is too low. */
 static void take_column(an_six *app)
 {
-    const float raised = app->probe_level * AN_PROBE_STEP;
-    const float response = largest_response(app);
-    if (response < AN_PROBE_LOW && raised <= AN_PROBE_MAX * app->shape.drive_limit) {
-        app->probe_level = raised;
+    const float response = largest_response(app, app->glancing ? (uint32_t)GLANCE_AVERAGE : (uint32_t)PROBE_AVERAGE);
+    const bool raised = raise_level(app, response);
+    app->glanced = app->glancing && !raised;
+    app->glancing = raised;
+    if (raised || app->glanced) {
         return;
     }
+    app->glancing = true;
+    note_coherence(app);
     const float scale = 1.0f / (app->probe_level * (float)PROBE_AVERAGE);
     an_shaping_set(&app->shaping, app->probe, app->slow.total, scale);
     app->motion = response > app->motion ? response : app->motion;

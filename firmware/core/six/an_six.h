@@ -34,6 +34,9 @@ typedef struct {
     float misfit;   /* error of the superposition that T predicts */
     uint32_t probe; /* actuator being measured */
     uint32_t probing; /* nonzero: a dwell has been posted */
+    bool glancing;    /* it only looks whether the level suits the actuator */
+    bool glanced;     /* the level suits: the dwell goes on */
+    float coherence[AN_SIX * AN_SIX]; /* sensor by actuator, squared; 0: not measured by this board */
     float probed_s; /* total duration of the dwells of this identification */
     an_table table; /* last member: it holds the only pointer */
 } an_six;
@@ -72,11 +75,17 @@ uint32_t an_six_look(an_six *app, const uint16_t *adc);
 /* Log record of the last window: sensor and drive of the channel with the largest target. */
 an_record an_six_record(const an_six *app);
 
+/* Least duration of a measurement of T, in s: a settled dwell of each actuator, and one of all of them. */
+float an_six_least_s(const an_six *app);
+
+/* Share of a sensor's error that its integral takes per window. */
+float an_six_integral(const an_six *app);
+
 /* Interface of this build to the code common to both. */
 extern const an_build an_six_build;
 
 /* Members of an_six_build defined in an_six_link.c. */
 uint8_t *an_six_put_status(const an_application *app, uint8_t *at);
-an_result an_six_handle_request(an_application *app, const an_message *request);
+an_result an_six_handle_request(an_application *app, const an_message *request, an_message *reply);
 
 #endif

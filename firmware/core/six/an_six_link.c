@@ -1,5 +1,6 @@
 /* Host requests of the six-channel application. */
 #include "an_bytes.h"
+#include "an_clear.h"
 #include "an_dds.h"
 #include "an_six.h"
 
@@ -50,11 +51,42 @@ static an_result choose(an_six *app, const an_message *request)
     return an_six_change(app, given.pattern) ? AN_OK : AN_NOT_NOW;
 }
 
-an_result an_six_handle_request(an_application *base, const an_message *request)
+/* Report the measured responses to one actuator. */
+static an_result report_column(const an_six *app, const an_message *request, an_message *reply)
+{
+    an_column_request given;
+    an_get_object(&given, request->payload, sizeof given);
+    if (given.actuator >= app->channels) {
+        return AN_BAD_VALUE;
+    }
+    if (app->identified == 0u) {
+        return AN_NOT_NOW;
+    }
+    an_column column;
+    an_clear(&column, sizeof column);
+    for (uint32_t i = 0u; i < app->channels; i++) {
+        column.responses[i] = app->shaping.matrix[i * AN_SIX + given.actuator];
+        column.coherence[i] = app->coherence[i * AN_SIX + given.actuator];
+    }
+    column.seconds = app->probed_s;
+    column.least_s = an_six_least_s(app);
+    column.integral = an_six_integral(app);
+    column.passed = column.integral / (AN_SIX_INTEGRAL - column.integral);
+    reply->length = (uint32_t)(an_put_object(reply->payload + 1, &column, sizeof column) - reply->payload);
+    return AN_OK;
+}
+
+an_result an_six_handle_request(an_application *base, const an_message *request, an_message *reply)
 {
     an_six *app = (an_six *)base;
-    if (request->kind != AN_START && request->kind != AN_PATTERN) {
+    switch (request->kind) {
+    case AN_START:
+        return start(app, request);
+    case AN_PATTERN:
+        return choose(app, request);
+    case AN_COLUMN:
+        return report_column(app, request, reply);
+    default:
         return AN_UNKNOWN;
     }
-    return request->kind == AN_START ? start(app, request) : choose(app, request);
 }

@@ -58,6 +58,7 @@ static void take_job(an_six_slow *slow, an_six_fast *fast)
     slow->mismatched = 0u;
     for (uint32_t i = 0u; i < AN_SIX; i++) {
         slow->total[i] = an_cplx(0.0f, 0.0f);
+        slow->energy[i] = 0.0f;
     }
 }
 
@@ -90,7 +91,10 @@ static void dwell(an_six_slow *slow, const an_six_job *job)
     const bool counts = an_dwell_counts(&slow->dwell, job->settle, job->average);
     for (uint32_t i = 0u; i < AN_SIX; i++) {
         slow->drive[i] = interpolate(slow->drive[i], job->drive[i], job->soft);
-        slow->total[i] = counts ? an_add(slow->total[i], slow->measured[i]) : slow->total[i];
+        if (counts) {
+            slow->total[i] = an_add(slow->total[i], slow->measured[i]);
+            slow->energy[i] += an_abs2(slow->measured[i]);
+        }
     }
 }
 

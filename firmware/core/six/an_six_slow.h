@@ -53,7 +53,8 @@ typedef struct {
     an_complex drive[AN_SIX];
     an_complex target[AN_SIX]; /* W in the last window */
     an_complex integral[AN_SIX];
-    an_complex total[AN_SIX]; /* dwell: sums of the averaged windows */
+    an_complex total[AN_SIX]; /* dwell: sums of the averaged windows ... */
+    float energy[AN_SIX];     /* ... and of their squares */
     an_dwell dwell;
     uint32_t limited; /* nonzero: the last command was scaled down to the limit */
     an_complex error[AN_SIX]; /* smoothed over a time constant */
