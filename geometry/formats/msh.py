@@ -22,20 +22,10 @@ NAME = re.compile(rb"\s*(\d)\s+(-?\d+)\s+\"(.*)\"\s*$")
 Groups = tuple[int, ...]  # numbers of the physical groups that an element is in
 
 
-def gmsh_places(cell_type: str) -> list[list[int]]:
-    """Return the corners that each of Gmsh's nodes is the middle of.
+def _gmsh_places(cell_type: str) -> list[list[int]]:
+    """Corners, in VTK's order, that each of Gmsh's local nodes is the middle of.
 
     They stand in ascending order, except for faces and the last two edges of a tetrahedron.
-
-    Parameters
-    ----------
-    cell_type : str
-        Cell type, a key of PLACES.
-
-    Returns
-    -------
-    list of list of int
-        Local corners, in VTK's order, of each local node.
     """
     places = [list(place) for place in PLACES[cell_type]]
     if cell_type == "tetra10":
@@ -294,7 +284,7 @@ def _raw_mesh(read: _File) -> RawMesh:
             else:
                 raw.node_groups[called] = np.union1d(raw.node_groups.get(called, rows[:0]), cells[rows])
         if dimension > 1:
-            raw.blocks.append((name, cells[:, order_of(name, gmsh_places(name))]))
+            raw.blocks.append((name, cells[:, order_of(name, _gmsh_places(name))]))
     return raw
 
 

@@ -268,21 +268,8 @@ def tet_mesh(
     return best[1]
 
 
-def check_parts(mesh: Mesh, body: Body) -> None:
-    """Check that every bonded part has its CAD volume: otherwise the mesher did not keep the face that bonds it.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Mesh in m with regions.
-    body : Body
-        CAD body.
-
-    Raises
-    ------
-    MeshError
-        If the volume of a part differs by more than PART_TOLERANCE.
-    """
+def _check_parts(mesh: Mesh, body: Body) -> None:
+    """MeshError for a bonded part without its CAD volume: the mesher did not keep the face that bonds it."""
     if not body.bonded:
         return
     volumes = {name: float(cell_volumes(mesh)[cells].sum()) for name, cells in mesh.regions.items()}
@@ -405,7 +392,7 @@ def _attempt(body: Body, edge_m: float, size: NearSegments | None, epsilon: floa
     regions = {name: np.flatnonzero(region == name) for name in names if (region == name).any()}
     mesh = replace(mesh, regions=regions, faces=_named_faces(mesh, body, boundary, surface))
     check_mesh(mesh, body.volume_m3, VOLUME_TOLERANCE)
-    check_parts(mesh, body)
+    _check_parts(mesh, body)
     return off + int((there != snapped).any(axis=1).sum()), mesh
 
 

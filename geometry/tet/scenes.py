@@ -23,27 +23,10 @@ TET_SWAP = {1: [1, 0, 2, 3], 2: [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]}  # nodes 0 and 1
 TRIANGLE_SWAP = {1: [1, 0, 2], 2: [1, 0, 2, 3, 5, 4]}
 
 
-def mirror_mesh(mesh: Mesh, axis: int) -> Mesh:
-    """Join a tetrahedral mesh at x_axis >= 0 with its image; both share the nodes of the plane x_axis = 0, bit for bit.
+def _mirror_mesh(mesh: Mesh, axis: int) -> Mesh:
+    """A tetrahedral mesh at x_axis >= 0 joined with its image; both share the nodes of the plane x_axis = 0, bit for bit.
 
-    Face "x-" (axis 0) or "y-" (axis 1) must be that plane; it becomes the image of the opposite side.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Tetrahedra on the positive side.
-    axis : {0, 1}
-        Axis normal to the mirror plane.
-
-    Returns
-    -------
-    Mesh
-        Tetrahedra on both sides.
-
-    Raises
-    ------
-    MeshError
-        If the mesh does not end exactly on the plane.
+    Face "x-" (axis 0) or "y-" (axis 1) must be that plane, or MeshError; it becomes the image of the opposite side.
     """
     low, high = f"{'xyz'[axis]}-", f"{'xyz'[axis]}+"
     on_plane = mesh.nodes[:, axis] == 0.0
@@ -290,7 +273,7 @@ def tet_plate(design: Design, edge_m: float, quarter: bool = False) -> Mesh:
         part = _tet_quarter(design, longest, columns, _finer_at_feet(columns.alone(design), edge_m, longest))
     else:
         part = tet_mesh(solids.plate_solid(design, "xy"), edge_m)
-    return part if quarter else whole(part)
+    return part if quarter else _whole(part)
 
 
 def tet_part(design: Design, part: str, edge_m: float, quarter: bool = False) -> Mesh:
@@ -405,25 +388,9 @@ def tet_panel(design: Design, panel: Panel, edge_m: float) -> Mesh:
     return tet_mesh(solids.panel_solid(design, panel), edge_m, _graded(rims, edge_m))
 
 
-def whole(quarter: Mesh) -> Mesh:
-    """Mirror the quarter x, y >= 0 in both planes, and check the result as one mesh.
-
-    Parameters
-    ----------
-    quarter : Mesh
-        Tetrahedra that end exactly on both mirror planes.
-
-    Returns
-    -------
-    Mesh
-        Tetrahedra of the whole body.
-
-    Raises
-    ------
-    MeshError
-        If the quarter cannot be mirrored or the check fails.
-    """
-    whole = mirror_mesh(mirror_mesh(quarter, 0), 1)
+def _whole(quarter: Mesh) -> Mesh:
+    """The quarter x, y >= 0 mirrored in both planes, checked as one mesh."""
+    whole = _mirror_mesh(_mirror_mesh(quarter, 0), 1)
     check_mesh(whole, 4.0 * check_mesh(quarter).volume_m3, SAME_VOLUME)
     return whole
 

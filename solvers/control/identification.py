@@ -71,23 +71,10 @@ class Identified:
         return {name: getattr(self.plant, name) for name in ("frequency_hz", "tau_s", "quality_factor", "gain")} | own
 
 
-def fit_circle(points: ComplexArray) -> Circle:
-    """Fit a circle by least squares: an algebraic start |z|^2 + b x + c y + d = 0, then the distances.
+def _fit_circle(points: ComplexArray) -> Circle:
+    """Circle of points (n,) by least squares: an algebraic start |z|^2 + b x + c y + d = 0, then the distances.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n,)
-        Complex points, in any one unit.
-
-    Returns
-    -------
-    Circle
-        Centre and radius in that unit, and the rms misfit over the radius.
-
-    Raises
-    ------
-    SolverError
-        For fewer than 4 points, or points on a line.
+    SolverError for fewer than 4 points, or points on a line.
     """
     if points.size < 4:
         raise SolverError(f"a circle needs at least 4 points, not {points.size}")
@@ -111,20 +98,10 @@ def fit_circle(points: ComplexArray) -> Circle:
     return Circle(complex(middle + size * (x + 1j * y)), float(size * abs(radius)), misfit)
 
 
-def fit_phase(frequencies_hz: FloatArray, angles: FloatArray) -> tuple[float, float, float]:
-    """Fit theta = theta_0 - 2 atan(tau (omega^2 - omega_0^2)/(2 omega)) to the angle around a circle.
+def _fit_phase(frequencies_hz: FloatArray, angles: FloatArray) -> tuple[float, float, float]:
+    """Resonance in Hz, tau in s and theta_0 of theta = theta_0 - 2 atan(tau (omega^2 - omega_0^2)/(2 omega)).
 
-    Parameters
-    ----------
-    frequencies_hz : ndarray, shape (n,)
-        Ascending.
-    angles : ndarray, shape (n,)
-        Unwrapped, in rad.
-
-    Returns
-    -------
-    f0, tau, theta_0 : float
-        Resonance in Hz, time constant in s, angle at resonance in rad.
+    Fitted to unwrapped angles (n,) about a circle, in rad, at ascending frequencies (n,).
     """
     f = frequencies_hz
     steepest = int(np.argmax(np.abs(np.diff(angles) / np.diff(f))))
@@ -216,7 +193,7 @@ def _advanced(frequencies_hz: FloatArray, response: ComplexArray, delay_s: float
 
 def _fit(frequencies_hz: FloatArray, response: ComplexArray, delay_s: float) -> tuple[ModePlant, complex, Circle]:
     straight = _advanced(frequencies_hz, response, delay_s)
-    circle = fit_circle(straight)
+    circle = _fit_circle(straight)
     angles = np.unwrap(np.angle(straight - circle.centre))
     if circle.misfit > MISFIT_MAX:
         raise SolverError(
@@ -226,7 +203,7 @@ def _fit(frequencies_hz: FloatArray, response: ComplexArray, delay_s: float) -> 
         raise SolverError(
             f"the sweep covers {np.degrees(np.ptp(angles)):.0f} degrees of the circle, at least 90 are needed"
         )
-    frequency, tau, theta = fit_phase(frequencies_hz, angles)
+    frequency, tau, theta = _fit_phase(frequencies_hz, angles)
     gain = 2.0 * circle.radius * np.exp(1j * theta)
     return ModePlant(frequency, tau, complex(gain)), complex(circle.centre - gain / 2.0), circle
 

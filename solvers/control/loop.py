@@ -144,29 +144,10 @@ class SampledPi:
     bounded: bool
 
 
-def sampled_gains(plant: ModePlant, response_s: float, period_s: float, proportional_max: float = inf) -> SampledPi:
-    """Compute the gains of the sampled loop that cancels the plant's pole.
+def _sampled_gains(plant: ModePlant, response_s: float, period_s: float, proportional_max: float = inf) -> SampledPi:
+    """Gains of the sampled loop that cancels the plant's pole, K_p at most `proportional_max` and at least 0.1/G.
 
-    Parameters
-    ----------
-    plant : ModePlant
-        Mode with time constant tau and gain G.
-    response_s : float
-        Time constant of the closed loop.
-    period_s : float
-        Sampling period.
-    proportional_max : float, optional
-        Largest K_p, in the unit of 1/G; K_p is never below a tenth of 1/G.
-
-    Returns
-    -------
-    SampledPi
-        The gains, and whether K_p is bounded.
-
-    Raises
-    ------
-    SolverError
-        If response or period is not above 0.
+    SolverError for a response or period that is not above 0.
     """
     check_above_zero("response, period in s", response_s, period_s)
     pole, desired = exp(-period_s / plant.tau_s), exp(-period_s / response_s)
@@ -320,7 +301,7 @@ class Setup:
         """K_p and its integral, bounded by the strongest neighbour."""
         others = [abs(mode.gain) for mode in self.modes[1:]]
         bound = NEIGHBOUR_LOOP / max(others) if others else inf
-        return sampled_gains(self.model, self.response_s, self.rates.period_s, bound)
+        return _sampled_gains(self.model, self.response_s, self.rates.period_s, bound)
 
     @property
     def leaving(self) -> SampledPi:

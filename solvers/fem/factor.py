@@ -69,8 +69,8 @@ class SuperLU:
     """Sparse LU on the diagonal: the signs of U's diagonal count the negative eigenvalues. Source: li2005."""
 
     def __init__(self, matrix: sp.csc_array, symbolic: Ordering | None = None) -> None:
-        known = symbolic if symbolic and symbolic.pattern == pattern_of(matrix) else None
-        self.symbolic = known or analyse(matrix)
+        known = symbolic if symbolic and symbolic.pattern == _pattern_of(matrix) else None
+        self.symbolic = known or _analyse(matrix)
         self._matrix = matrix
         self._negative: int | None = None
         self.foreseen_bytes = self._foreseen()
@@ -377,22 +377,10 @@ def parallel_map(function: Callable[[Item], Result], items: Iterable[Item], byte
     return in_threads(function, items, bytes_each, room_bytes())
 
 
-def alike(graph: sp.csc_array) -> tuple[IntArray, IntArray]:
-    """Group degrees of freedom that are coupled to the same ones.
+def _alike(graph: sp.csc_array) -> tuple[IntArray, IntArray]:
+    """Class (n,) of each degree of freedom and sizes (m,) of the classes: of one are those coupled to the same ones.
 
     Columns are compared by sums of random 62-bit keys of their rows.
-
-    Parameters
-    ----------
-    graph : sparse array, shape (n, n)
-        Pattern of the matrix.
-
-    Returns
-    -------
-    label : ndarray, shape (n,)
-        Class of each degree of freedom.
-    size : ndarray, shape (m,)
-        Number of members of each class.
     """
     key = np.random.default_rng(0).integers(0, 2**62, graph.shape[0], dtype=np.uint64)
     filled = np.flatnonzero(np.diff(graph.indptr))
@@ -405,23 +393,8 @@ def alike(graph: sp.csc_array) -> tuple[IntArray, IntArray]:
     return rank[label], size[by_place]
 
 
-def quotient(graph: sp.csc_array, label: IntArray, count: int) -> sp.csc_array:
-    """Build the graph between classes of alike degrees of freedom.
-
-    Parameters
-    ----------
-    graph : sparse array, shape (n, n)
-        Pattern of the matrix.
-    label : ndarray, shape (n,)
-        Class of each degree of freedom.
-    count : int
-        Number of classes.
-
-    Returns
-    -------
-    sparse array, shape (count, count)
-        Pattern, all ones.
-    """
+def _quotient(graph: sp.csc_array, label: IntArray, count: int) -> sp.csc_array:
+    """Pattern (count, count), all ones, between classes (n,) of alike degrees of freedom."""
     first = np.full(count, graph.shape[0])
     np.minimum.at(first, label, np.arange(len(label)))
     part = graph[:, first]
@@ -432,31 +405,11 @@ def quotient(graph: sp.csc_array, label: IntArray, count: int) -> sp.csc_array:
     return small
 
 
-def postordered(graph: sp.csc_array, place: IntArray, size: IntArray) -> tuple[IntArray, int]:
-    """Reorder an elimination so that supernodes are contiguous, and count the entries of L, diagonal included.
+def _postordered(graph: sp.csc_array, place: IntArray, size: IntArray) -> tuple[IntArray, int]:
+    """Turns (m,) of an elimination, reordered so that supernodes are contiguous, and the entries of L, diagonal included.
 
     Exact but for cancellation. Row subtrees as in davis2006, section 4.5: each adds its size at its leaves and takes it off
     where two leaves meet and above its root, so that sums over the tree's subtrees are the column counts.
-
-    Parameters
-    ----------
-    graph : sparse array, shape (m, m)
-        Pattern between classes.
-    place : ndarray, shape (m,)
-        Turn of each class in the elimination.
-    size : ndarray, shape (m,)
-        Number of degrees of freedom of each class.
-
-    Returns
-    -------
-    place : ndarray, shape (m,)
-        New turns, with the same fill.
-    entries : int
-        Number of entries of L.
-
-    References
-    ----------
-    .. [1] davis2006 (docs/references.bib)
     """
     column = np.repeat(np.arange(graph.shape[1]), np.diff(graph.indptr))
     row, column = place[graph.indices], place[column]
@@ -476,49 +429,23 @@ def postordered(graph: sp.csc_array, place: IntArray, size: IntArray) -> tuple[I
     return turn[place], round(entries)
 
 
-def analyse(matrix: sp.csc_array) -> Ordering:
-    """Order a matrix by minimum degree on the graph of alike degrees of freedom, and count the entries of L exactly.
-
-    Parameters
-    ----------
-    matrix : sparse array, shape (n, n)
-        Symmetric.
-
-    Returns
-    -------
-    Ordering
-        Order (n,), entries of L and the digest of the pattern.
-
-    References
-    ----------
-    .. [1] davis2006 (docs/references.bib)
-    """
+def _analyse(matrix: sp.csc_array) -> Ordering:
+    """Minimum degree on the graph of alike degrees of freedom, and the entries of L exactly (davis2006)."""
     count = matrix.shape[0]
     if count <= DENSE:
-        return Ordering(None, count * (count + 1) // 2, pattern_of(matrix))
-    label, size = alike(matrix)
+        return Ordering(None, count * (count + 1) // 2, _pattern_of(matrix))
+    label, size = _alike(matrix)
     graph = matrix
     if len(size) > WORTH * count:
         label, size = np.arange(count), np.ones(count, dtype=np.int64)
     else:
-        graph = quotient(matrix, label, len(size))
-    place, entries = postordered(graph, _minimum_degree(graph), size)
-    return Ordering(np.argsort(place[label], kind="stable"), entries, pattern_of(matrix))
+        graph = _quotient(matrix, label, len(size))
+    place, entries = _postordered(graph, _minimum_degree(graph), size)
+    return Ordering(np.argsort(place[label], kind="stable"), entries, _pattern_of(matrix))
 
 
-def pattern_of(matrix: sp.csc_array) -> bytes:
-    """Compute the digest of the whole sparsity pattern.
-
-    Parameters
-    ----------
-    matrix : sparse array, shape (n, n)
-        In compressed columns.
-
-    Returns
-    -------
-    bytes
-        SHA-256.
-    """
+def _pattern_of(matrix: sp.csc_array) -> bytes:
+    """SHA-256 of the whole sparsity pattern."""
     digest = hashlib.sha256(np.ascontiguousarray(matrix.indptr).data)
     digest.update(np.ascontiguousarray(matrix.indices).data)
     return digest.digest()

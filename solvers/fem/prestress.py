@@ -53,19 +53,8 @@ class StressFields:
         return replace(self, load=self.load - stiffness @ inner, rest=self.rest - self.pull.T @ inner)
 
 
-def expansion(material: Material) -> float:
-    """Compute the free thermal strain of a material at its temperature.
-
-    Parameters
-    ----------
-    material : Material
-        With its temperature; an expansion that is not known counts as 0.
-
-    Returns
-    -------
-    float
-        a (T - 20 C), dimensionless.
-    """
+def _expansion(material: Material) -> float:
+    """Free thermal strain a (T - 20 C) of a material; an expansion that is not known counts as 0."""
     return (material.expansion_per_k or 0.0) * (material.temperature_c - USUAL_C)
 
 
@@ -96,7 +85,7 @@ def stress_fields(
     tensor, warm = np.zeros((mesh.cell_count, 3, 3, 3, 3)), np.zeros(mesh.cell_count)
     stiff = np.zeros(mesh.cell_count)  # of the layers: their share of a stress
     for name, cells in regions.items():
-        tensor[cells], warm[cells] = materials[name].tensor_pa / scale.young_pa, expansion(materials[name])
+        tensor[cells], warm[cells] = materials[name].tensor_pa / scale.young_pa, _expansion(materials[name])
         if name in stack.region_names:
             stiff[cells] = materials[name].plane_stress_pa[:2, :2].trace()
     volume = np.concatenate([cell_volumes(block) for block in mesh.blocks]) / scale.length_m**3
@@ -111,7 +100,7 @@ def stress_fields(
         for component, (i, j) in enumerate(COMPONENTS):
             pull[:, len(PLACES) * component + place] = own @ _unit_strain(nodes, i, j)
     return StressFields(
-        tuple(geometric(forms, _in_plane(*COMPONENTS[c], shares * places[p])) for c, p in FIELDS),
+        tuple(_geometric(forms, _in_plane(*COMPONENTS[c], shares * places[p])) for c, p in FIELDS),
         pull,
         np.asarray(forms.stiffness(warm[:, None, None, None, None] * tensor) @ nodes.ravel()),
         np.array([held[:, COMPONENTS[c][0], COMPONENTS[c][1]] @ (places[p] * volume) for c, p in FIELDS]),
@@ -119,21 +108,8 @@ def stress_fields(
     )
 
 
-def geometric(forms: Forms, stress: FloatArray) -> sp.csr_array:
-    """Assemble G_ab = int s_kl N_a,k N_b,l.
-
-    Parameters
-    ----------
-    forms : Forms
-        Of the mesh.
-    stress : ndarray, shape (elements, 3, 3)
-        s over the unit of moduli.
-
-    Returns
-    -------
-    csr_array, shape (n, n)
-        Scaled; the same for each component of the displacement.
-    """
+def _geometric(forms: Forms, stress: FloatArray) -> sp.csr_array:
+    """G_ab = int s_kl N_a,k N_b,l, scaled (n, n), of a stress (elements, 3, 3) over the unit of moduli."""
     return forms.stiffness(stress[:, None, :, None, :])
 
 
@@ -168,26 +144,13 @@ def with_free_stress(system: System, stack: Stack) -> System:
             above = (height[cells, None] - low) / thickness
             own = warmer * (faces[0] + above * (faces[1] - faces[0]))
             stress[cells] = sum(_in_plane(*axes, size) for axes, size in zip(COMPONENTS, own.T, strict=True))
-    return with_stress(system, stress)
+    return _with_stress(system, stress)
 
 
-def with_stress(system: System, stress_pa: FloatArray) -> System:
-    """Add the geometric stiffness of a stress to a system.
-
-    Parameters
-    ----------
-    system : System
-        Assembled matrices.
-    stress_pa : ndarray, shape (elements, 3, 3)
-        In Pa.
-
-    Returns
-    -------
-    System
-        With K and G.
-    """
+def _with_stress(system: System, stress_pa: FloatArray) -> System:
+    """The system with the geometric stiffness of a stress (elements, 3, 3) in Pa: K and G."""
     scale = system.scale
-    own = geometric(Forms(system.mesh, scale.length_m), stress_pa / scale.young_pa)
+    own = _geometric(Forms(system.mesh, scale.length_m), stress_pa / scale.young_pa)
     stiffness = sp.csr_array(system.stiffness + sp.kron(own, sp.eye_array(3), format="csr"))
     return replace(system, stiffness=stiffness, stressed=True)
 

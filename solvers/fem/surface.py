@@ -340,22 +340,11 @@ def face_quadrature(
         For a face that the mesh does not have.
     """
     each = mesh.facets_of(face)
-    return joined([facet_quadrature(mesh.nodes, facets, mesh.order, lines_m, cuts_m) for facets in each])
+    return _joined([facet_quadrature(mesh.nodes, facets, mesh.order, lines_m, cuts_m) for facets in each])
 
 
-def joined(parts: list[FaceQuadrature]) -> FaceQuadrature:
-    """Join the rules over several sets of facets on the same nodes.
-
-    Parameters
-    ----------
-    parts : list of FaceQuadrature
-        The rules.
-
-    Returns
-    -------
-    FaceQuadrature
-        One after another.
-    """
+def _joined(parts: list[FaceQuadrature]) -> FaceQuadrature:
+    """The rules over several sets of facets on the same nodes, one after another."""
     if len(parts) == 1:
         return parts[0]
     points, weights = (np.concatenate([getattr(part, name) for part in parts]) for name in ("points", "weights"))
@@ -393,7 +382,7 @@ def facet_quadrature(
     for axis, lines in ((0, cuts_m), (1, lines_m)):
         cut |= _may_be_cut(nodes[faces][:, :, axis], straight, lines)
     rules = _cut_rules(nodes, faces[cut], order, (cuts_m, lines_m), straight[cut]) if cut.any() else []
-    return joined([_uncut(nodes, faces[~cut], order), *rules])
+    return _joined([_uncut(nodes, faces[~cut], order), *rules])
 
 
 def boundary_facets(mesh: AnyMesh) -> list[tuple[IntArray, IntArray]]:

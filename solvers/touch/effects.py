@@ -238,7 +238,7 @@ class Places:
     @classmethod
     def of(cls, touched: TouchedPlate, points: Lattice, frequency_hz: float) -> Places:
         """Places from a plate's own modes and the residual vectors of all points."""
-        receptance = lattice_receptance(touched, points.points_m, frequency_hz)
+        receptance = _lattice_receptance(touched, points.points_m, frequency_hz)
         count, unit = len(touched.plate.patches), touched.plate.stiffness_unit
         gains = [
             np.hstack([basis.gain[:, :count], (face_motion(basis.group, points.points_m) @ _modes(basis)).T / unit])
@@ -371,7 +371,7 @@ def loaded_mode(touched: TouchedPlate, start: LoadedMode | None = None, slopes: 
         return None
     if touched.finger.tip.is_nothing:
         return LoadedMode(free_hz, free_hz, touched.loss, touched.loss, 1.0)
-    problem, (low, high) = _Problem(touched, slopes), known_range(touched)
+    problem, (low, high) = _Problem(touched, slopes), _known_range(touched)
     known = start.vector if start else None
     found = (start.eigenvalue, known) if start and known is not None else _likeliest(problem, row, low, high)
     if found is None:
@@ -384,19 +384,8 @@ def loaded_mode(touched: TouchedPlate, start: LoadedMode | None = None, slopes: 
     return LoadedMode(free_hz, frequency, touched.loss, value.imag / value.real, share, value, vector)
 
 
-def known_range(touched: TouchedPlate) -> tuple[float, float]:
-    """Return the scaled eigenvalues between which all modes are summed.
-
-    Parameters
-    ----------
-    touched : TouchedPlate
-        The plate with the finger.
-
-    Returns
-    -------
-    low, high : float
-        Scaled eigenvalues of the band's ends, each times its margin.
-    """
+def _known_range(touched: TouchedPlate) -> tuple[float, float]:
+    """Scaled eigenvalues between which all modes are summed: the band's ends, each times its margin."""
     scale = touched.plate.scale
     low, high = (scale.eigenvalue(share * end) for share, end in zip(touched.margin, touched.band_hz, strict=True))
     return low, high
@@ -452,22 +441,10 @@ def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
     return 8.0 * COPIES * max(loads) + 3.0 * 16.0 * count**2
 
 
-def lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz: float) -> ComplexArray:
-    """Compute the receptance of the free plate between its patches and points of the touch face.
+def _lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz: float) -> ComplexArray:
+    """Receptance (p + q, p + q) of the free plate between its p patches and points (q, 2) of the touch face, symmetric.
 
-    Parameters
-    ----------
-    touched : TouchedPlate
-        The plate; its finger has no effect.
-    points_m : ndarray, shape (q, 2)
-        Points of the touch face from the plate's centre.
-    frequency_hz : float
-        Frequency in Hz.
-
-    Returns
-    -------
-    ndarray, shape (p + q, p + q)
-        Charges of the p patches (C) and u_z of the points (m), per volt and per newton, complex and symmetric.
+    Charges of the patches in C and u_z of the points in m, per volt and per newton.
     """
     plate, count = touched.plate, len(touched.plate.patches)
     eigenvalue = plate.scale.eigenvalue(frequency_hz)
@@ -502,20 +479,10 @@ def crest_motion(along_m: ComplexArray, normal_m: ComplexArray, frequency_hz: fl
     return CrestMotion(np.asarray(omega * crest), np.asarray(omega * np.abs(along_m)))
 
 
-def contact_half_angle(load: float) -> float:
-    """Compute half of the period's angle in which skin and face touch.
+def _contact_half_angle(load: float) -> float:
+    """Half of the period's angle in which skin and face touch, above 0 and at most pi, of stiffness times amplitude over force.
 
     The mean pressure bears the force: (sin t - t cos t)/pi = 1/load; pi up to a load of 1, where they never part.
-
-    Parameters
-    ----------
-    load : float
-        Dynamic stiffness times amplitude over force, dimensionless.
-
-    Returns
-    -------
-    float
-        The half angle t in rad, above 0 and at most pi.
     """
     if load <= 1.0:
         return pi
@@ -543,7 +510,7 @@ def drive_share(load: float, lag: float = 0.0) -> float:
     """
     if load <= 1.0:
         return 2.0 * load * cos(lag) / pi
-    half = contact_half_angle(load)
+    half = _contact_half_angle(load)
     low, high = max(-half, lag - pi / 2.0), min(half, lag + pi / 2.0)
     driving = (sin(high) - high * cos(half)) - (sin(low) - low * cos(half))
     return max(0.0, driving / (sin(half) - half * cos(half)) - 1.0)

@@ -71,24 +71,10 @@ def left_beyond(wavenumber_radius: float, degree: int) -> float:
     return (wavenumber_radius / 2.0) ** (degree + 1) / factorial(degree + 1)
 
 
-def zernike(degree: int, points: FloatArray) -> FloatArray:
-    """Evaluate the Zernike polynomials up to a degree, orthonormal in the mean over the unit disk.
+def _zernike(degree: int, points: FloatArray) -> FloatArray:
+    """Zernike polynomials (m, p) up to a degree at points (p, 2) of the unit disk, orthonormal in the mean over it (noll1976).
 
-    Parameters
-    ----------
-    degree : int
-        Highest degree.
-    points : ndarray, shape (p, 2)
-        Points of the unit disk.
-
-    Returns
-    -------
-    ndarray, shape (m, p)
-        Values by ascending degree, then ascending azimuthal order: sines for negative orders, cosines for the others.
-
-    References
-    ----------
-    .. [1] noll1976 (docs/references.bib)
+    By ascending degree, then azimuthal order: sines for negative orders, cosines for the others.
     """
     radius, angle = np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0])
     rows = []
@@ -100,49 +86,24 @@ def zernike(degree: int, points: FloatArray) -> FloatArray:
     return np.array(rows)
 
 
-def count_of(degree: int) -> int:
-    """Return the number of Zernike polynomials up to a degree.
-
-    Parameters
-    ----------
-    degree : int
-        Highest degree.
-
-    Returns
-    -------
-    int
-        The sum of degree + 1 over the degrees.
-    """
+def _count_of(degree: int) -> int:
+    """Number of Zernike polynomials up to a degree."""
     return (degree + 1) * (degree + 2) // 2
 
 
 @cache
-def disk_means(degree: int, finer: int = 0) -> tuple[FloatArray, FloatArray]:
-    """Return a rule for the means of u Z_j over the unit disk from u at points.
+def _disk_means(degree: int, finer: int = 0) -> tuple[FloatArray, FloatArray]:
+    """Points (p, 2) of the unit disk and weights (m, p) that give the means of u Z_j over it from u at the points.
 
     A Gauss rule along the squared radius times even angles, exact to three times the degree and more. A mesh's field
     has kinks: `finer` further points along each estimate the remaining error.
-
-    Parameters
-    ----------
-    degree : int
-        Highest degree of the Zernike polynomials Z_j.
-    finer : int, optional
-        Further points along the radius and around.
-
-    Returns
-    -------
-    points : ndarray, shape (p, 2)
-        Points of the unit disk.
-    weights : ndarray, shape (m, p)
-        Weights that give the m means from u at the points.
     """
     along, around = max(24, 2 * degree) + finer, max(72, 4 * degree + 1) + finer
     nodes, shares = roots_legendre(along)
     radius, angle = np.sqrt((nodes + 1.0) / 2.0), 2.0 * pi * (np.arange(around) + 0.5) / around
     points = np.stack([np.outer(radius, turn(angle)) for turn in (np.cos, np.sin)], axis=-1).reshape(-1, 2)
     weights = np.repeat(shares / 2.0 / around, around)
-    return points, zernike(degree, points) * weights
+    return points, _zernike(degree, points) * weights
 
 
 @cache
@@ -237,7 +198,7 @@ class Finger:
 
     def rows(self, group: Group, finer: int = 0) -> FloatArray:
         """Moments of u_z over the contact per degree of freedom of a group, (moments, dof)."""
-        points, weights = disk_means(self.degree, finer)
+        points, weights = _disk_means(self.degree, finer)
         return np.asarray(face_motion(group, np.array(self.at_m) + self.radius_m * points, means=weights).toarray())
 
     def dynamic_stiffness(self, frequency_hz: complex) -> complex:
@@ -322,7 +283,7 @@ class TouchedPlate(ForcedPlate):
         for name in ("contact_rows", "grams", "_touched"):
             other.__dict__.pop(name, None)
         if self.modes is not self.free.modes:
-            kept = len(self.plate.patches) + count_of(degree)
+            kept = len(self.plate.patches) + _count_of(degree)
             other.modes = [_first_loads(basis, kept) for basis in self.modes]
         return other
 
@@ -409,7 +370,7 @@ def integration_error(plate: TouchedPlate, frequency_hz: float) -> float:
     float
         Relative to the rms of u_z over the contact; 0 where nothing moves.
     """
-    own, (points, weights) = plate.contact_motion(frequency_hz), disk_means(plate.finger.degree, FINER)
+    own, (points, weights) = plate.contact_motion(frequency_hz), _disk_means(plate.finger.degree, FINER)
     places = np.array(plate.finger.at_m) + plate.finger.radius_m * points
     moved = plate.motion_by(lambda group: face_motion(group, places), frequency_hz)
     square = float(weights[0] @ np.abs(moved) ** 2)  # the first polynomial is 1
@@ -564,7 +525,7 @@ def missing_flexibility(plate: AssembledPlate, beneath: StaticCorrection, finger
     ----------
     .. [1] macneal1971 (docs/references.bib)
     """
-    points, means = disk_means(finger.degree)
+    points, means = _disk_means(finger.degree)
     contact = Contact(np.array(finger.at_m) + finger.radius_m * points, means, back=False)
     box = np.repeat(finger.at_m, 2) + finger.radius_m * np.array([-1.0, 1.0, -1.0, 1.0])
     panels = Panels.beneath(plate.grid, box, beneath.reductions.stack.thickness_m)

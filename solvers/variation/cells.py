@@ -117,31 +117,12 @@ def _node(steps: Mapping[int, int]) -> Node:
     return tuple(steps.get(axis, 0) for axis in range(PARAMETERS))
 
 
-def cell_family(reductions: Reductions, panel: Panel, reach: FloatArray, coarser: Coarser | None = None) -> CellFamily:
-    """Reduce a panel with a pillar at every node of the interpolation.
+def _cell_family(reductions: Reductions, panel: Panel, reach: FloatArray, coarser: Coarser | None = None) -> CellFamily:
+    """The nominal cell of a panel with a foot, its changes at the nodes, and the error of the interpolation at `checked`.
 
-    Parameters
-    ----------
-    reductions : Reductions
-        Materials and settings of the plate's reductions.
-    panel : Panel
-        Panel with a foot.
-    reach : ndarray, shape (5,)
-        Reach of height, side, x and y (m) and relative stiffness on either side of the nominal pillar.
-    coarser : callable, optional
-        Corrects the nominal cell's discretisation error; its small change with the pillar is neglected.
-
-    Returns
-    -------
-    CellFamily
-        The nominal cell, its changes at the nodes, and the error of the interpolation at `checked`.
-
-    Raises
-    ------
-    SolverError
-        If the pillar cannot grow as a whole.
-    MeshError
-        If a varied pillar reaches out of its panel.
+    reach (5,): of height, side, x and y (m) and relative stiffness on either side of the nominal pillar. coarser: corrects
+    the nominal cell's discretisation error; its small change with the pillar is neglected. Raises SolverError for a pillar
+    that cannot grow as a whole, MeshError where a varied pillar reaches out of its panel.
     """
     pillar = reductions.pillar_of(panel)
     if pillar is None or not pillar.is_plain or panel.foot is None:
@@ -319,7 +300,7 @@ class VariedReductions(Reductions):
         if kept is not None:
             self.reused += 1
             return kept
-        family = cell_family(self, panel, np.array(self.reach), self.coarser(panel))
+        family = _cell_family(self, panel, np.array(self.reach), self.coarser(panel))
         self.fresh += 1
         if self.parametric_cache:
             self.parametric_cache.put(key, family)

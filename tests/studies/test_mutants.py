@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from studies import mutants
-from studies.faults import faults, of_folder
+from studies.mutants import faults, of_folder
 
 SOURCE = '''\
 LIMIT = 1e-9
@@ -81,7 +81,7 @@ def test_faults_are_judged_by_the_tests_that_run_them(checkout: Path) -> None:
     assert verdicts["tolerance", "1e-9"] == verdicts["comparison", "k > 0.0"] == mutants.SURVIVED
     assert (checkout / "source.py").read_text() == SOURCE
     unused = next(fault for fault in faults("source.py", SOURCE.replace("2.5 * a", "a - 2.5")) if fault.lines == (12,))
-    assert mutants.covering(unused, known, 60.0) == []
+    assert mutants.chosen_tests(unused, known, 60.0) == []
     assert mutants.judged(unused, checkout, known, 60.0) == mutants.UNSEEN
 
 
@@ -91,8 +91,8 @@ def test_the_quickest_tests_are_chosen_first() -> None:
         name: {"seconds": s, "lines": {"source.py": list(fault.lines)}}
         for name, s in (("c", 9.0), ("a", 1.0), ("b", 2.0))
     }
-    assert mutants.covering(fault, known, 5.0) == ["a", "b"]
-    assert mutants.covering(fault, known, 0.5) == ["a"]  # one at least
+    assert mutants.chosen_tests(fault, known, 5.0) == ["a", "b"]
+    assert mutants.chosen_tests(fault, known, 0.5) == ["a"]  # one at least
 
 
 def test_the_command_draws_by_its_seed_and_scores(

@@ -32,7 +32,7 @@ from pipeline.questions.question import Run, ask
 from solvers.fem.assembly import Forms, assemble
 from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.factor import Factoriser
-from solvers.fem.prestress import expansion, with_stress
+from solvers.fem.prestress import _expansion, _with_stress
 from solvers.fem.solid import constrain, free_mask
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
@@ -159,7 +159,7 @@ def mean_stress_pa(mesh: AnyMesh, materials: dict[str, Material], motion: FloatA
     strain = np.einsum("eqka,eai,eq->eik", slope, motion[block.cells], weight) / weight.sum(axis=1)[:, None, None]
     stress = np.zeros_like(strain)
     for name, cells in mesh.region_of_cells().items():
-        free = expansion(materials[name]) * np.eye(3)
+        free = _expansion(materials[name]) * np.eye(3)
         stress[cells] = np.einsum("ijkl,ekl->eij", materials[name].tensor_pa, strain[cells] - free)
     return stress
 
@@ -172,7 +172,7 @@ def with_own_stress(
     scale, forms = system.scale, Forms(mesh, system.scale.length_m)
     warm, tensor = np.zeros(mesh.cell_count), np.zeros((mesh.cell_count, 3, 3, 3, 3))
     for name, cells in mesh.region_of_cells().items():
-        warm[cells], tensor[cells] = expansion(materials[name]), materials[name].tensor_pa / scale.young_pa
+        warm[cells], tensor[cells] = _expansion(materials[name]), materials[name].tensor_pa / scale.young_pa
     load = forms.stiffness(warm[:, None, None, None, None] * tensor) @ (mesh.nodes / scale.length_m).ravel()
     keep, mass = np.flatnonzero(hold("SS").ravel()), sp.kron(system.mass, sp.eye_array(3), format="csr")
     rest = sp.csr_array(system.stiffness + 1e-9 * mass)[keep][:, keep]  # a free plate may rise as a whole
@@ -180,7 +180,7 @@ def with_own_stress(
     motion[keep] = Factoriser()(sp.csc_array(rest)).solve(load[keep])
     if stressed:
         stress = mean_stress_pa(mesh, materials, scale.length_m * motion.reshape(-1, 3))
-        system = with_stress(system, stress)
+        system = _with_stress(system, stress)
     classes = {name: constrain(system, hold(name)) for name in ("SS", "AS")}
     return {name: modes_near(pencil, 0.0, count).frequency_hz[:count] for name, pencil in classes.items()}
 

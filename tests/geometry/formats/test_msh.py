@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geometry.errors import MeshFileError
-from geometry.formats.msh import TYPES, gmsh_places, read_msh
+from geometry.formats.msh import TYPES, _gmsh_places, read_msh
 from geometry.formats.neutral import DIMENSION, PLACES, RawMesh, family
 from geometry.formats.reader import read_mesh
 from geometry.mesh import Mesh, check_mesh
@@ -183,7 +183,7 @@ def test_a_strongly_curved_hexahedron_keeps_the_order_of_its_file(tmp_path: Path
         radius, angle = 1.0 + 4.0 * u, np.pi * 0.9 * v
         points.append((radius * np.cos(angle), radius * np.sin(angle), 0.2 * w))
         places[frozenset(place)] = len(points)
-    order = [places[frozenset(place)] for place in gmsh_places("hexahedron27")]
+    order = [places[frozenset(place)] for place in _gmsh_places("hexahedron27")]
     lines = "".join(f"{i} {x!r} {y!r} {z!r}\n" for i, (x, y, z) in enumerate(np.array(points).tolist(), 1))
     element = f"1 12 2 1 1 {' '.join(map(str, order))}\n"
     data = f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n27\n{lines}$EndNodes\n$Elements\n1\n{element}$EndElements\n"

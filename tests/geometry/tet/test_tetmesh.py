@@ -18,7 +18,7 @@ from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, cell_volumes, check_mesh
 from geometry.tet import mesher
 from geometry.tet.mesher import tet_mesh
-from geometry.tet.scenes import mirror_mesh, tet_cell, tet_pillar, tet_plate, tet_zone, whole
+from geometry.tet.scenes import _mirror_mesh, _whole, tet_cell, tet_pillar, tet_plate, tet_zone
 from geometry.tet.tetwild import NearSegments, tet_quality, tetrahedralize
 
 ALUMINIUM, BRASS = MATERIALS["aluminium"], MATERIALS["brass"]
@@ -48,7 +48,7 @@ def skin(mesh: Mesh) -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def cell() -> Mesh:
-    return whole(tet_cell(design(), 1e-3, "xy"))
+    return _whole(tet_cell(design(), 1e-3, "xy"))
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +169,7 @@ def skin_nodes(mesh: Mesh) -> np.ndarray:
 )
 def test_fillets_and_tapers_keep_the_cad_volume(scene):
     exact = 4 * solids.cell_solid(scene, "xy").volume_m3
-    assert check_mesh(whole(tet_cell(scene, 1.3e-3, "xy"))).volume_m3 == pytest.approx(exact, rel=1e-3)
+    assert check_mesh(_whole(tet_cell(scene, 1.3e-3, "xy"))).volume_m3 == pytest.approx(exact, rel=1e-3)
 
 
 @pytest.mark.slow
@@ -338,11 +338,11 @@ def test_a_part_that_has_not_its_volume_is_refused(loser, gainer):
     """A tenth of a part's elements counted to the other side of the bond is far beyond what is allowed of either."""
     body = solids.cell_solid(design(material=BRASS))
     mesh = in_two_parts()
-    mesher.check_parts(mesh, body)
+    mesher._check_parts(mesh, body)
     strayed, kept = np.split(mesh.regions[loser], [len(mesh.regions[loser]) // 10])
     regions = {loser: kept, gainer: np.append(mesh.regions[gainer], strayed)}
     with pytest.raises(MeshError, match=r"the (plate|pillar) part of the mesh is .* off its CAD volume"):
-        mesher.check_parts(replace(mesh, regions=regions), body)
+        mesher._check_parts(replace(mesh, regions=regions), body)
 
 
 def test_bad_requests_are_one_clear_line():
@@ -380,7 +380,7 @@ def test_size_grows_away_from_segments():
 
 def test_only_a_mesh_that_ends_on_the_plane_is_mirrored(cell):
     with pytest.raises(MeshError, match="exactly on 0"):
-        mirror_mesh(cell, 0)
+        _mirror_mesh(cell, 0)
 
 
 @pytest.mark.slow

@@ -25,7 +25,7 @@ from pipeline.questions.travel import PlayedTravel, Travel, TravelResult
 from solvers.driven.error_bars import Louder
 from solvers.errors import SolverError
 from solvers.touch import effects, touched_plate
-from solvers.touch.effects import crest_motion, lattice_receptance
+from solvers.touch.effects import _lattice_receptance, crest_motion
 
 QUIET = TerminalLog(quiet=True)
 X_MM = (-46.0, -28.0, -10.0, 10.0, 28.0, 46.0, -55.0, -37.0, -19.0, 19.0, 37.0, 55.0)
@@ -183,11 +183,11 @@ def free(solved: tuple[TravelResult, Travelling]) -> Iterator[ShearRecord]:
     def once(touched: Any, points_m: np.ndarray, frequency_hz: float) -> np.ndarray:
         key = points_m.tobytes() + np.float64(frequency_hz).tobytes()
         if key not in known:
-            known[key] = lattice_receptance(touched, points_m, frequency_hz)
+            known[key] = _lattice_receptance(touched, points_m, frequency_hz)
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(effects, "lattice_receptance", once)
+        patch.setattr(effects, "_lattice_receptance", once)
         yield fingered(*solved)
 
 

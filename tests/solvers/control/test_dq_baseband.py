@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from solvers.control.loop import ModePlant, feasibility, pi_gains, sampled_gains
+from solvers.control.loop import ModePlant, _sampled_gains, feasibility, pi_gains
 from solvers.errors import SolverError
 
 MASS, QUALITY, FORCE = 2e-3, 200.0, 1.5
@@ -129,18 +129,18 @@ def test_what_cannot_be_held_has_no_time():
 def test_sampled_gains_place_their_poles():
     """The plant's own pole a, which is cancelled, and p."""
     period, response = 2e-4, 5e-4
-    gains, size = sampled_gains(PLANT, response, period), abs(PLANT.gain)
+    gains, size = _sampled_gains(PLANT, response, period), abs(PLANT.gain)
     a, p = np.exp(-period / PLANT.tau_s), np.exp(-period / response)
     loop = np.array([[a - (1 - a) * size * gains.proportional, (1 - a) * size], [-gains.integral, 1]])
     assert np.sort(np.linalg.eigvals(loop)) == pytest.approx(np.sort([a, p]))
 
 
 def test_neighbours_bound_the_proportional_gain():
-    free = sampled_gains(PLANT, 5e-4, 2e-4)
-    clamped = sampled_gains(PLANT, 5e-4, 2e-4, 0.5 * free.proportional)
+    free = _sampled_gains(PLANT, 5e-4, 2e-4)
+    clamped = _sampled_gains(PLANT, 5e-4, 2e-4, 0.5 * free.proportional)
     assert clamped.bounded and not free.bounded and clamped.proportional == pytest.approx(0.5 * free.proportional)
     assert clamped.integral / clamped.proportional == pytest.approx(free.integral / free.proportional)
-    assert sampled_gains(PLANT, 5e-4, 2e-4, 1e-9).proportional == pytest.approx(0.1 / abs(PLANT.gain))
+    assert _sampled_gains(PLANT, 5e-4, 2e-4, 1e-9).proportional == pytest.approx(0.1 / abs(PLANT.gain))
 
 
 @pytest.mark.parametrize(

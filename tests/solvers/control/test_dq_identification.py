@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from solvers.control.identification import Sweep, fit_circle, fit_phase, identify, noisy, sweep_of
+from solvers.control.identification import Sweep, _fit_circle, _fit_phase, identify, noisy, sweep_of
 from solvers.control.loop import ModePlant
 from solvers.errors import SolverError
 
@@ -18,19 +18,19 @@ SPAN = np.linspace(31_150.0, 31_650.0, 101)
 def test_circle_through_exact_points_and_noisy_ones():
     angles = np.linspace(-2.0, 2.5, 40)
     points = 3.0 - 2.0j + 0.7 * np.exp(1j * angles)
-    result = fit_circle(points)
+    result = _fit_circle(points)
     assert result.centre == pytest.approx(3.0 - 2.0j, abs=1e-10) and result.radius == pytest.approx(0.7, rel=1e-10)
     assert result.misfit < 1e-9
     rng = np.random.default_rng(3)
     noise = 0.01
-    many = [fit_circle(points + noise * (rng.normal(size=40) + 1j * rng.normal(size=40))).radius for _ in range(200)]
+    many = [_fit_circle(points + noise * (rng.normal(size=40) + 1j * rng.normal(size=40))).radius for _ in range(200)]
     assert np.mean(many) == pytest.approx(0.7, abs=4 * np.std(many) / np.sqrt(200) + noise**2 / 0.7)
 
 
 def test_phase_fit_is_exact_on_its_own_curve():
     omega, omega0, tau = 2 * pi * SPAN, 2 * pi * 31_387.0, 3e-3
     angles = 0.4 - 2 * np.arctan(tau * (omega**2 - omega0**2) / (2 * omega))
-    assert fit_phase(SPAN, angles) == pytest.approx((31_387.0, 3e-3, 0.4), rel=1e-9)
+    assert _fit_phase(SPAN, angles) == pytest.approx((31_387.0, 3e-3, 0.4), rel=1e-9)
 
 
 @pytest.mark.parametrize("sensor", ["velocity", "displacement"])
@@ -69,7 +69,7 @@ def test_noise_scatters_as_it_should():
 def test_ignored_delay_spoils_gain_only_slightly_and_neighbours_less_than_they_are():
     known = identify(sweep_of((PLANT,), SPAN, "velocity", 10e-6), "velocity", 9e-6).plant
     assert abs(known.gain) == pytest.approx(0.8, rel=1e-7)
-    tilted = fit_circle(sweep_of((PLANT,), SPAN, "velocity", 10e-6).response)
+    tilted = _fit_circle(sweep_of((PLANT,), SPAN, "velocity", 10e-6).response)
     assert 1e-3 < abs(2 * tilted.radius / 0.8 - 1) < 1e-2
     others = (
         ModePlant.from_quality_factor(30_600.0, 300.0, 0.03),
@@ -95,9 +95,9 @@ def test_radius_is_no_bandwidth():
 @pytest.mark.parametrize(
     ("call", "expected"),
     [
-        (lambda: fit_circle(np.array([0, 1, 2j])), "at least 4"),
-        (lambda: fit_circle(np.linspace(0, 1, 9) * (1 + 2j)), "on a line"),
-        (lambda: fit_circle(np.ones(9, dtype=complex)), "one point"),
+        (lambda: _fit_circle(np.array([0, 1, 2j])), "at least 4"),
+        (lambda: _fit_circle(np.linspace(0, 1, 9) * (1 + 2j)), "on a line"),
+        (lambda: _fit_circle(np.ones(9, dtype=complex)), "one point"),
         (lambda: Sweep(SPAN[:3], np.ones(3, dtype=complex)), "at least 8"),
         (lambda: Sweep(SPAN[::-1], np.ones(101, dtype=complex)), "ascending"),
         (lambda: identify(sweep_of((PLANT,), SPAN + 3000.0)), "degrees of the circle|no circle"),

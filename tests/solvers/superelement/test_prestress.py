@@ -14,7 +14,7 @@ from geometry.materials import MATERIALS, Layer, Stack
 from geometry.tiling import Panel
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
-from solvers.fem.prestress import FIELDS, expansion, stress_fields
+from solvers.fem.prestress import FIELDS, _expansion, stress_fields
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import prestress_of
@@ -59,6 +59,6 @@ def test_layers_share_a_stress_in_the_ratio_of_their_stiffnesses() -> None:
 
 
 def test_expansion_counts_from_20_degrees_and_cells_without_fields_say_so() -> None:
-    assert expansion(WARM["aluminium"]) == pytest.approx(40.0 * 23e-6)
+    assert _expansion(WARM["aluminium"]) == pytest.approx(40.0 * 23e-6)
     with pytest.raises(SolverError, match="reduced without the thermal stress"):
         prestress_of(replace(REDUCTIONS, stressed=False).cell(replace(PANEL, foot=None)))

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from solvers.touch.effects import contact_half_angle, crest_motion, drive_share
+from solvers.touch.effects import _contact_half_angle, crest_motion, drive_share
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.6, 1.2, np.pi / 2.0])
 @pytest.mark.parametrize("load", [0.2, 0.999, 1.001, 1.7, 3.0, 12.0])
 def test_the_share_is_the_pressure_summed_where_the_face_drives_and_brakes(load: float, lag: float) -> None:
-    half = contact_half_angle(load)
+    half = _contact_half_angle(load)
     offset = np.cos(half) if load > 1.0 else -1.0 / load
 
     def pressure(theta: float) -> float:

@@ -27,7 +27,7 @@ from solvers.superelement.bond import Contact, displacement_at
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE
 from solvers.touch import touched_plate
-from solvers.touch.effects import Places, known_range, lattice, loaded_mode
+from solvers.touch.effects import Places, _known_range, lattice, loaded_mode
 from solvers.touch.touched_plate import Finger, TouchedPlate, integration_error, power, rms
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -236,7 +236,7 @@ def test_a_uniform_motion_is_one_oscillator(tip: Fingertip) -> None:
     c, m = share * tip.damping_n_s_m, per + share * tip.mass_kg
     roots = np.roots([-m, 1j * c, k])
     exact = per * roots[roots.real > 0.0] ** 2
-    low, high = known_range(plate)
+    low, high = _known_range(plate)
     if len(exact) and low < exact[0].real < high:
         assert mode and mode.eigenvalue == pytest.approx(exact[0], rel=1e-9)
     else:
@@ -331,8 +331,8 @@ def test_a_place_of_the_map_is_a_finger_there() -> None:
 
 def test_moments_are_the_means_over_a_disk() -> None:
     """Orthonormal in the mean, and of u = 1 + x^2: mean 5/4, mean square 1 + 2/4 + 1/8."""
-    points, weights = touched_plate.disk_means(6)
-    assert weights @ touched_plate.zernike(6, points).T == pytest.approx(np.eye(touched_plate.count_of(6)), abs=1e-12)
+    points, weights = touched_plate._disk_means(6)
+    assert weights @ touched_plate._zernike(6, points).T == pytest.approx(np.eye(touched_plate._count_of(6)), abs=1e-12)
     moments = weights @ (1.0 + points[:, 0] ** 2)
     assert moments[0] == pytest.approx(1.25, rel=1e-12) and rms(moments) ** 2 == pytest.approx(1.625, rel=1e-12)
 

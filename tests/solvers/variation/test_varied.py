@@ -22,7 +22,7 @@ from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.reduction import reduce_cell
-from solvers.variation.cells import PARAMETERS, CellFamily, cell_family, nodes_of
+from solvers.variation.cells import PARAMETERS, CellFamily, _cell_family, nodes_of
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 5e-3, ALUMINIUM)
@@ -70,7 +70,7 @@ def errors(family: CellFamily, panel: Panel, change: np.ndarray, setting: Reduct
 
 @pytest.fixture(scope="module")
 def middle() -> CellFamily:
-    return cell_family(SETTING, MIDDLE, REACH)
+    return _cell_family(SETTING, MIDDLE, REACH)
 
 
 def test_the_nominal_pillar_is_the_nominal_cell(middle: CellFamily) -> None:
@@ -106,7 +106,7 @@ def test_a_changed_pillar_is_what_its_own_mesh_gives(middle: CellFamily, change:
 
 @pytest.mark.slow
 def test_a_piece_at_the_edge_keeps_its_free_side() -> None:
-    family = cell_family(SETTING, EDGE, REACH)
+    family = _cell_family(SETTING, EDGE, REACH)
     for change in ([0.1e-3, -0.04e-3, 0, 0, 0], [0, 0, -0.1e-3, 0, 0]):
         assert errors(family, EDGE, np.array(change))[0] < 0.01
 
@@ -155,7 +155,7 @@ def test_pillars_of_other_shapes_change_as_meshes_of_their_own_do(shape: str) ->
     a frequency.
     """
     setting = replace(SETTING, pillar=SHAPES[shape])
-    family = cell_family(setting, MIDDLE, REACH)
+    family = _cell_family(setting, MIDDLE, REACH)
     nominal = free_hz(family.cell.stiffness, family.cell.mass, family.cell.scale)
     for change in ([-0.1e-3, 0.04e-3, 0.0, 0.0, 0], [0.1e-3, -0.03e-3, 0.07e-3, -0.1e-3, 0.02]):
         own = anew(MIDDLE, np.array(change), setting)
@@ -204,7 +204,7 @@ def test_a_foot_flush_with_the_edge_stays_there_and_grows_inwards() -> None:
 def test_only_what_was_reached_is_interpolated(middle: CellFamily) -> None:
     with pytest.raises(SolverError, match="interpolation reaches"):
         middle.at(np.array([0.16e-3, 0.0, 0.0, 0.0, 0]))
-    narrow = cell_family(SETTING, MIDDLE, np.array([0.1e-3, 0.0, 0.0, 0.0, 0]))
+    narrow = _cell_family(SETTING, MIDDLE, np.array([0.1e-3, 0.0, 0.0, 0.0, 0]))
     assert narrow.nodes == ((-1, 0, 0, 0), (1, 0, 0, 0))
     with pytest.raises(SolverError, match="interpolation reaches"):
         narrow.at(np.array([0.0, 0.01e-3, 0.0, 0.0, 0]))
@@ -221,7 +221,7 @@ def test_a_pillar_that_reaches_out_of_its_piece_and_one_that_cannot_grow_are_ref
     with pytest.raises(MeshError, match="begin at 0"):
         unfolded(unfolded(boxes_of(panel_scene(MIDDLE, STACK, PILLAR, REDUCTION.hexahedra)), 0), 0)
     with pytest.raises(SolverError, match="of one section without fillet"):
-        cell_family(replace(SETTING, pillar=replace(PILLAR, fillet_m=0.2e-3)), MIDDLE, REACH)
+        _cell_family(replace(SETTING, pillar=replace(PILLAR, fillet_m=0.2e-3)), MIDDLE, REACH)
 
 
 def test_nodes_are_a_grid_of_height_and_side_lines_of_the_others_and_products() -> None:

@@ -15,7 +15,7 @@ from solvers.errors import SingularShift, SolverError, TooLarge
 from solvers.fem import factor
 from solvers.fem.assembly import assemble
 from solvers.fem.eigen import modes_near
-from solvers.fem.factor import Factoriser, alike, postordered, quotient
+from solvers.fem.factor import Factoriser, _alike, _postordered, _quotient
 from solvers.fem.solid import Pencil, constrain, free_mask
 from solvers.machine import factorisations
 from solvers.threads import threads
@@ -185,7 +185,7 @@ def test_the_size_of_the_factor_is_counted_exactly(count: int, density: float) -
         pattern = draw.random((count, count)) < density
         pattern = pattern | pattern.T | np.eye(count, dtype=bool)
         place, size = draw.permutation(count), draw.integers(1, 5, count)
-        after, entries = postordered(sp.csc_array(pattern), place, size)
+        after, entries = _postordered(sp.csc_array(pattern), place, size)
         assert entries == filled_entries(pattern, place, size)
         assert sorted(after) == list(range(count))
         assert filled_entries(pattern, after, size) == entries, "the postorder fills as little"
@@ -195,7 +195,7 @@ def test_the_size_of_the_factor_is_counted_exactly(count: int, density: float) -
 def test_superlus_fill_is_the_one_foretold(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(factor, "DENSE", 10)
     matrix = shifted(pencil(kind))
-    plan = factor.analyse(matrix)
+    plan = factor._analyse(matrix)
     made = factor.SuperLU(matrix, plan)
     assert plan.order is not None
     assert made._lu.L.nnz <= plan.entries < 1.001 * made._lu.L.nnz  # equal but for entries that cancel
@@ -219,15 +219,15 @@ def test_another_pattern_is_analysed_anew(name: str) -> None:
 
 def test_degrees_of_freedom_with_the_same_couplings_are_alike() -> None:
     block = np.kron(np.array([[1, 1, 0], [1, 1, 1], [0, 1, 1]]), np.ones((3, 3)))
-    label, size = alike(sp.csc_array(block))
+    label, size = _alike(sp.csc_array(block))
     assert label.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2] and size.tolist() == [3, 3, 3]
-    assert quotient(sp.csc_array(block), label, 3).toarray().tolist() == [[1, 1, 0], [1, 1, 1], [0, 1, 1]]
+    assert _quotient(sp.csc_array(block), label, 3).toarray().tolist() == [[1, 1, 0], [1, 1, 1], [0, 1, 1]]
 
 
 @pytest.mark.parametrize("what", ["stored", "filled"])
 def test_more_entries_than_superlu_can_count_are_refused(what: str) -> None:
     matrix = sp.csc_array(sp.eye_array(4, format="csc"))
-    plan = factor.Ordering(None, 2**31 if what == "filled" else 5, factor.pattern_of(matrix))
+    plan = factor.Ordering(None, 2**31 if what == "filled" else 5, factor._pattern_of(matrix))
     if what == "stored":
         pattern = {"indptr": matrix.indptr, "indices": matrix.indices}
         matrix = type("Huge", (), {"shape": (4, 4), "nnz": 80_000_000, **pattern})()
