@@ -13,7 +13,7 @@ plate = antinode.Plate(
     solve=antinode.Solve(accuracy=0.03),
 )
 bare = plate.with_(rows=0, extension_mm=11.0)  # two rows take 6 mm
-sides = plt.figure(figsize=(9.0, 3.4), layout="constrained").subplots(1, 2, sharey=True)
+sides = plt.figure(figsize=(7.2, 3.7), layout="constrained").subplots(1, 2, sharey=True)
 for axes, each, words in zip(sides, (bare, plate), ("no pillars", "two rows on each side"), strict=True):
     modes = each.modes(symmetry=plate.case.target_symmetry)
     number = max(range(len(modes)), key=lambda i: modes[i].strength or 0.0)  # carries most of the target shape

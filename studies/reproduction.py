@@ -2,7 +2,7 @@
 
 Plates and cells come from stored studies (`antinode run NAME` for each of STUDIES); isolated pillars and chapters 1 and 3 are
 computed here. The page names a study that was not run instead of its figures. The outlook has its own studies (WISHES) and
-pictures. `--only NAME ...` rewrites only the outlook's sections of these studies.
+pictures. `--only NAME ...` rewrites only the rows and the outlook's sections of these studies.
 """
 
 from __future__ import annotations
@@ -511,14 +511,24 @@ def renewed(page: str, sections: list[str]) -> str:
     return "\n## ".join(parts)
 
 
-def _only(names: list[str], folder: Path) -> list[str]:
-    """The sections of the outlook that stand on these studies. SystemExit for a study without one, or that is not stored."""
+def with_rows(page: str, rows: list[Row]) -> str:
+    """A page with rows of its tables in place of those of the same quantity."""
+    for row in rows:
+        line = f"| {' | '.join(row)} |"
+        page = re.sub(rf"^\| {re.escape(row[0])} \|.*$", lambda _, line=line: line, page, flags=re.MULTILINE)
+    return page
+
+
+def _only(page: str, names: list[str], folder: Path) -> str:
+    """A page with what these studies say of it. SystemExit for a study without a place there, or that is not stored."""
     known = {wish.study: wish for wish in WISHES}
-    sections = {name: known[name].text(folder) if name in known else "" for name in names}
-    for name, section in sections.items():
-        if not section:
-            raise SystemExit(f"--only {name}: must be a stored study of {', '.join(known)}")
-    return [*sections.values()]
+    for name in names:
+        section = known[name].text(folder) if name in known else ""
+        rows = [_row(entry) for entry in compare(stored(folder, name))] if name in STUDIES else []
+        if not section and not rows:
+            raise SystemExit(f"--only {name}: must be a stored study of {', '.join([*STUDIES, *known])}")
+        page = with_rows(renewed(page, [section] if section else []), rows)
+    return page
 
 
 def main() -> int:
@@ -528,7 +538,7 @@ def main() -> int:
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
     arguments = parser.parse_args()
     folder = arguments.results
-    page = renewed(PAGE.read_text(), _only(arguments.only, folder)) if arguments.only else text(folder)
+    page = _only(PAGE.read_text(), arguments.only, folder) if arguments.only else text(folder)
     write_atomic(PAGE, page.encode())
     print(f"reproduction {PAGE}")
     return 0

@@ -16,7 +16,8 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,6 @@ ROOT = SITE.parents[1]
 FIGURES = ("superelement", "superelement-convergence", "error-bars", "decay-band")
 PAGE, THUMBNAILS = ROOT / "docs" / "gallery.md", ROOT / "docs" / "pictures" / "gallery"
 TILE = (320, 220)  # pixels of a thumbnail
-DRAWN = ("picture", "command")
 INTRODUCTION = """\
 # Gallery
 
@@ -42,14 +42,18 @@ method or another command. Run the commands in the folder of the checkout; they 
 
 @dataclass(frozen=True)
 class Figure:
-    """A number of an example's JSON document, and an independent value that it must meet within the bars of both."""
+    """A number of an example's document, and an independent value that it must meet within the bars of both.
+
+    The document is the command's JSON, the names of a script, or the rows of a study's table.
+    """
 
     of: str
     value: float
     error: float  # relative, of the independent value
     by: str
     bar: str = ""  # the example's own relative error bar in the same document; none: the number has no mesh
-    command: str = ""  # where the example's own has no JSON document
+    over: str = ""  # another number of the document, by which it is divided
+    command: str = ""  # where the example's own has no such document
     quick: bool = False  # run by `make test`, the others by `make slow`
 
 
@@ -86,7 +90,8 @@ class Example:
         """The figure in a line of the gallery."""
         if self.figure is None:
             return ""
-        return f"Checked figure: `{self.figure.of}` is {self.figure.value:.5g} by {self.figure.by}.\n"
+        of = f"`{self.figure.of}`" + (f" over `{self.figure.over}`" if self.figure.over else "")
+        return f"Checked figure: {of} is {self.figure.value:.5g} by {self.figure.by}.\n"
 
 
 def examples() -> list[Example]:
@@ -96,7 +101,12 @@ def examples() -> list[Example]:
 
 
 def number(document: Any, path: str) -> float:
-    """The number at a dotted path of a JSON document or of a script's names; a list's element by its place or `label`."""
+    """The number at a dotted path of a JSON document or of a script's names; a list's element by its place or `label`.
+
+    Several paths with ` + ` between them are added.
+    """
+    if " + " in path:
+        return sum(number(document, each) for each in path.split(" + "))
     for step in path.split("."):
         if isinstance(document, dict):
             document = document[step]
@@ -197,6 +207,17 @@ def anchor(heading: str) -> str:
     return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
 
 
+def bitmap(drawing: Path) -> Path:
+    """Draw an SVG file into a PNG file of its own size next to it, by Chromium."""
+    size = re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"', drawing.read_text())
+    assert size, f"{drawing}: no size in points"
+    pixels = ",".join(str(ceil(float(each) * 4 / 3)) for each in size.groups())
+    target = drawing.with_suffix(".png")
+    words = ["--headless", "--no-sandbox", "--hide-scrollbars", f"--window-size={pixels}", f"--screenshot={target}"]
+    subprocess.run(["chromium", *words, drawing.as_uri()], check=True, capture_output=True)
+    return target
+
+
 def thumbnail(picture: Path, target: Path) -> None:
     """Write a picture that fits into a tile: a frame of a film with the largest motion, few colours, a small file."""
     with Image.open(picture) as opened:
@@ -209,10 +230,12 @@ def refresh(names: Sequence[str]) -> None:
     """Make the thumbnails of some examples, or of all, as bitmaps of their pictures, and write the gallery's page."""
     for example in examples():
         if example.name in names or not names:
-            bitmap = replace(example, **{field: getattr(example, field).replace(".svg", ".png") for field in DRAWN})
             with tempfile.TemporaryDirectory() as folder:
-                made(bitmap, Path(folder))
-                thumbnail(Path(folder) / bitmap.file, THUMBNAILS / f"{example.name}.png")
+                made(example, Path(folder))
+                picture = Path(folder) / example.file
+                thumbnail(bitmap(picture) if picture.suffix == ".svg" else picture, THUMBNAILS / f"{example.name}.png")
+                if (whole := THUMBNAILS.parent / example.picture).exists():  # that a page shows
+                    shutil.copyfile(picture, whole)
     PAGE.write_text("\n".join(gallery_page()), encoding="utf-8")
 
 

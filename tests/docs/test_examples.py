@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import runpy
@@ -34,7 +35,7 @@ SHARPEST = 0.05  # a wider tolerance would let a wrong figure pass
 def agrees(figure: pictures.Figure, document: dict) -> bool:
     """Whether the figure of a document meets its independent value within the bars of both."""
     bar = pictures.number(document, figure.bar) if figure.bar else 0.0
-    found = pictures.number(document, figure.of)
+    found = pictures.number(document, figure.of) / (pictures.number(document, figure.over) if figure.over else 1.0)
     tolerance = abs(found) * bar + abs(figure.value) * figure.error
     assert tolerance < SHARPEST * abs(figure.value), f"{figure.of}: no check within {tolerance:.3g}"
     return abs(found - figure.value) <= tolerance
@@ -55,6 +56,12 @@ def test_an_example_meets_its_checked_figure(
     program, *words = shlex.split(example.figure.command or example.command)
     if program == "python":
         assert agrees(example.figure, runpy.run_path(words[0]))
+        return
+    if words[0] == "run":
+        assert main.main([*words, "--quiet"]) == 0
+        (table,) = (tmp_path / "results").glob("*/table.csv")
+        with table.open(newline="") as file:
+            assert agrees(example.figure, list(csv.DictReader(file)))
         return
     assert main.main([*words, "--quiet", "--json", "figure.json"]) == 0
     assert agrees(example.figure, json.loads(Path("figure.json").read_text()))

@@ -12,6 +12,7 @@ from copy import deepcopy
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -97,7 +98,7 @@ def test_a_search_finds_the_page_of_a_phrase_by_a_heading(phrase: str, page: str
 
 
 @pytest.mark.slow
-def test_the_cards_of_the_home_page_are_those_of_the_reference_plate() -> None:
+def test_the_home_page_and_the_thesis_page_show_the_reference_plate() -> None:
     plate = antinode.load(ROOT / "studies" / "three-rows.toml")
     target = plate.modes(symmetry=plate.case.target_symmetry).target
     peak = plate.response().target_peak
@@ -110,6 +111,10 @@ def test_the_cards_of_the_home_page_are_those_of_the_reference_plate() -> None:
         f"{low / 1e3:.1f} to {high / 1e3:.1f} kHz",
     ]
     assert f"{target.confinement_db:.1f} dB as a mode" in text
+    row = re.search(r"^\| three rows, 25 mm.*$", (DOCS / "thesis-reproduction.md").read_text(), re.MULTILINE)
+    shown = [float(each) for each in re.findall(r"([\d.]+) dB", row[0] if row else "")]
+    assert np.allclose(shown[0], target.confinement_db, 0.0, target.confinement_error_db)
+    assert np.allclose(shown[1], peak.confinement_db, 0.0, peak.confinement_error_db)
 
 
 def test_the_gallery_has_thirty_examples_whose_commands_are_commands(site: dict[str, ModuleType]) -> None:

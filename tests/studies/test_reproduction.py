@@ -128,9 +128,11 @@ def test_one_section_is_written_anew_and_the_rest_is_left(tmp_path: Path, monkey
     assert reproduction.renewed(page, ["\n## One\n\nnew\n"]) == page.replace("old", "new")
     assert reproduction.renewed(page, ["\n## Three\n\nlast\n"]) == f"{page}\n## Three\n\nlast\n"
     assert reproduction.renewed(page, []) == page
-    for name in ("faces", "nothing"):
+    table = "| a | b |\n| one row (x) | old |\n| one row (x) more | kept |\n"
+    assert reproduction.with_rows(table, [("one row (x)", "new")]) == table.replace("old", "new")
+    for name in ("faces", "extension", "nothing"):
         monkeypatch.setattr("sys.argv", ["reproduction", "--results", str(tmp_path), "--only", name])
-        with pytest.raises(SystemExit, match=f"--only {name}: must be a stored study of graded, touch, glass"):
+        with pytest.raises(SystemExit, match=f"--only {name}: must be a stored study of rows, .*graded, touch, glass"):
             reproduction.main()
 
 
