@@ -514,8 +514,8 @@ def renewed(page: str, sections: list[str]) -> str:
 def with_rows(page: str, rows: list[Row]) -> str:
     """A page with rows of its tables in place of those of the same quantity."""
     for row in rows:
-        line = f"| {' | '.join(row)} |"
-        page = re.sub(rf"^\| {re.escape(row[0])} \|.*$", lambda _, line=line: line, page, flags=re.MULTILINE)
+        line = f"| {' | '.join(row)} |".replace("\\", r"\\")
+        page = re.sub(rf"^\| {re.escape(row[0])} \|.*$", line, page, flags=re.MULTILINE)
     return page
 
 
