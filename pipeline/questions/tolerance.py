@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import sqrt
 from typing import TYPE_CHECKING, Any
 
-from pipeline.case.features import SUPPORTS
+from pipeline.case.features import LARGER, SUPPORTS
 from pipeline.case.limits import MAX_SAMPLES, MAX_SEED
 from pipeline.models.answer_parts import SampleRecord, SpreadRecord, known, spread_of, statistics
 from pipeline.quantity import KHZ, NM, figure, frequency, interval, level, percent, signed
@@ -235,7 +235,7 @@ class Tolerance(
     Question[ToleranceResult],
     needs=("tolerance",),
     drives=True,
-    honours=(SUPPORTS,),
+    honours=(LARGER, SUPPORTS),
     example="tolerance studies/three-rows.toml --set tolerance.height_mm=0.05 --samples 20 --out spread",
 ):
     """Compute the spread of peak (Hz) and confinement (dB) when every pillar differs (requires [tolerance]).

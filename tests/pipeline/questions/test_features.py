@@ -122,6 +122,14 @@ def test_options_that_know_no_supports_refuse_them_in_one_line(question: Any, sa
     assert len(fault.value.lines) == 1
 
 
+def test_scatter_is_of_any_rectangle_but_a_batch_of_plates_as_long_as_their_zone() -> None:
+    case = case_from_dict(SMALL | TABLES[LARGER] | {"tolerance": {"height_mm": 0.05}})
+    Tolerance().suited(case)
+    with pytest.raises(InputError, match="tolerance --alike supports a plate as long as its zone only") as fault:
+        AlikeTolerance(alike=True).suited(case)
+    assert len(fault.value.lines) == 1
+
+
 def test_a_zone_or_a_pillar_alone_has_nothing_of_the_plate() -> None:
     for feature in OF_A_PLATE:
         Modes(part="pillar").suited(case_with(feature))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 
 import numpy as np
@@ -14,14 +14,15 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
 from geometry.supports import Support
-from geometry.tiling import signature
+from geometry.tiling import Panel, Tiling, signature
 from solvers.errors import SolverError
 from solvers.fem.eigen import PlainPencil, modes_near
-from solvers.measures.confinement import target_shape
+from solvers.measures.confinement import measure, target_shape
 from solvers.piezo.forced import MARGIN, Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, PressedPlate
-from solvers.plates.assembled import PlateModel
+from solvers.plates import assembled
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE
 from solvers.variation.cells import PARAMETERS, STIFFNESS, VariedReductions
@@ -451,3 +452,75 @@ def test_a_supported_plates_derivatives_are_differences_of_plates_assembled_anew
         off = np.abs(mine - exact).max(axis=0)
         assert off[0] < 1e-3 * np.abs(exact[:, 0]).max() and off[1] < 0.4 * 20.0 * LEFT / np.log(10.0)
         assert axis not in (0, STIFFNESS) or np.abs(exact[:, 1]).max() > 0.05  # dB by heights: a hundred times that
+
+
+# -- plates larger than their zone -------------------------------------------------------------------------------------
+
+SHORTER = replace(PILLAR, height_m=5.4e-3)
+LARGER = Design(
+    20e-3, 14e-3, 2e-3, 0, ALUMINIUM, SHORTER, 4e-3, 4e-3, 1, 0.0,
+    larger_m=(36e-3, 30e-3), centre_m=(1.5e-3, -1e-3), surround=True,
+)  # fmt: skip
+EACH = 0.05  # of the largest change of a frequency or level: cells are interpolated, and their meshes moved
+REDRAWN_DB = 0.01  # levels by meshes that are drawn anew
+
+
+@cache
+def on_larger(centre_m: tuple[float, float] = LARGER.centre_m) -> Stand:
+    design = replace(LARGER, centre_m=centre_m)
+    made, reductions = model(design)
+    plate = PressedPlate({WHOLE: made.assembled(None)}, design, made.name)
+    forced = ForcedPlate(plate, design, Drive((0,), (), (40e3, 65e3), QUALITY))
+    return Stand(design, made, reductions, forced, VariedPlate(forced, reductions.families))
+
+
+@dataclass(frozen=True)
+class Unlike(Tiling):
+    """A tiling with a pillar of its own in each panel."""
+
+    own: dict[tuple[int, int], Pillar] = field(default_factory=dict)
+
+    def panel(self, i: int, j: int) -> Panel:
+        return replace(super().panel(i, j), pillar=self.own.get((i, j)))
+
+
+def built(have: Stand, change: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> tuple[float, float]:
+    """Frequency and confinement of the target mode of a plate whose pillars are each meshed and reduced as they are."""
+    nominal, feet, own = have.made.tiling, {}, {}
+    for place, foot in nominal.feet.items():
+        height, side, x, y, _ = change[int(np.abs(have.varied.pillars - foot).sum(axis=1).argmin())]
+        feet[place] = (foot[0] + x, foot[1] + y)
+        sides = (PILLAR.base_m + side, PILLAR.tip_m + side)
+        own[place] = replace(SHORTER, base_m=sides[0], tip_m=sides[1], height_m=SHORTER.height_m + height)
+    given = {each.name: getattr(nominal, each.name) for each in fields(nominal)} | {"feet": feet}
+    monkeypatch.setattr(assembled, "tile", lambda *_: Unlike(**given, own=own))
+    plate = PlateModel(have.design, Reductions(have.design.stack, SHORTER, REDUCTION)).assembled(None)
+    modes = modes_near(plate.pencil(), have.forced.target_hz() or 0.0, 3)
+    best = measure(plate.touch(modes.vectors), have.design, None)
+    at = int(np.argmax(best.strength))
+    return float(modes.frequency_hz[at]), float(best.confinement_db[at])
+
+
+def test_a_larger_plates_samples_are_plates_built_pillar_by_pillar(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A zone off the centre of its plate with pillars around it: no mirror, no interpolation, no space of few motions."""
+    have = on_larger()
+    assert have.made.symmetries == (None,) and len(have.varied.pillars) == len(have.design.pillar_centres()) == 18
+    changes = [0.0 * DEVIATIONS.draw(18, 1, 1)[0], *DEVIATIONS.draw(18, 2, 3)]
+    ours = np.array([own_level(have.varied, change) for change in changes])
+    theirs = np.array([built(have, change, monkeypatch) for change in changes])
+    moved = np.abs(theirs - theirs[0]).max(axis=0)
+    assert moved[0] > 1e-3 * theirs[0, 0] and moved[1] > 10.0 * REDRAWN_DB
+    assert (np.abs((ours - ours[0]) - (theirs - theirs[0])).max(axis=0) < EACH * moved + [0.0, REDRAWN_DB]).all()
+
+
+@pytest.mark.parametrize("axes", [(0,), (1,), (0, 1)])
+def test_a_larger_plate_mirrored_or_turned_answers_alike(axes: tuple[int, ...]) -> None:
+    """Zone and deviations mirrored in x or y, or turned by half a turn: frequencies, and levels but for LEFT of a shape."""
+    flip = np.where(np.isin([0, 1], axes), -1.0, 1.0)
+    have, other = on_larger(), on_larger(tuple((flip * LARGER.centre_m).tolist()))
+    change = DEVIATIONS.draw(18, 1, 5)[0]
+    order = np.abs(have.varied.pillars[None] * flip - other.varied.pillars[:, None]).sum(axis=2).argmin(axis=1)
+    image = change[order] * np.array([1.0, 1.0, *flip, 1.0])
+    (tone, level), (other_hz, other_db) = own_level(have.varied, change), own_level(other.varied, image)
+    assert other_hz == pytest.approx(tone, rel=1e-6) and abs(other_db - level) < 20.0 * LEFT / np.log(10.0)
+    assert abs(own_level(other.varied, change)[0] / tone - 1.0) > 1e-5
