@@ -37,7 +37,7 @@ FEATURES = {
             else ""
         ),
         "must be left out with plate.width_mm: {} supports a plate as long as its zone only"
-        " (modes, response, touch, drift and tolerance support any)",
+        " (modes, response, touch, drift, tolerance and search support any)",
     ),
     OUTLINE: Feature(
         lambda case: f"plate.file = {Path(case.design.outline.file).name}" if case.design.outline else "",

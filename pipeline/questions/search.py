@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal
 
-from pipeline.case.features import SUPPORTS, ZONES
+from pipeline.case.features import LARGER, SUPPORTS, ZONES
 from pipeline.case.limits import MAX_EVALUATIONS
 from pipeline.errors import InputError
 from pipeline.quantity import GRAM, KHZ, MM, frequency, level, level_figure, level_with_bar, signed, with_bar
@@ -303,7 +303,7 @@ class Search(
     needs=("pillar", "array.pitch_mm"),
     example="search studies/three-rows.toml --vary pillar.height_mm=5:8 --vary array.pitch_mm=4:8 --out found",
     is_measure=False,
-    honours=(ZONES, SUPPORTS),
+    honours=(ZONES, LARGER, SUPPORTS),
 ):
     """Search for the design that confines the target mode best, with keys varied between two ends.
 
@@ -320,6 +320,7 @@ class Search(
     vary: tuple[Range, ...] = option(
         default=(), metavar="KEY=LOW:HIGH",
         help="key of plate, zone, pillar or array with two ends; array.heights_mm=5:7 varies each row, "
+        "zone.centre_mm=-8:8 x and y of a zone on a larger plate, "
         "array.stagger=false:true, pillar.faces=back:both and pillar.material=steel:brass are choices",
     )  # fmt: skip
     goal: Goal = option(

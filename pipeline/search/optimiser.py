@@ -18,7 +18,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
-from pipeline.case.features import SUPPORTS, ZONES
+from pipeline.case.features import LARGER, SUPPORTS, ZONES
 from pipeline.case.model import Case
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
@@ -355,13 +355,16 @@ def budget_of(space: Space, settings: Settings) -> Budget:
     """Choose the models that precede the assembled plates."""
     design = space.case().design
     alike = not UNLIKE & {variable.key for variable in space.variables}
-    columns = bool(design.pillar and alike and _have_columns(space))
-    screened, rules = settings.goal != "widest", []
+    larger = design.larger_m is not None  # neither strips nor columns know what lies around its zone
+    columns = bool(design.pillar and alike and not larger and _have_columns(space))
+    screened, rules = settings.goal != "widest" and not larger, []
     if not screened:
         what, why = "strips over the whole box", "they do not give the width of the stop band"
+        why = "they end with the zone, the plate does not" if larger else why
         rules.append(Simplification("no_strips", what, why))
     if not columns:
         what, why = "columns of reduced cells", "they need pillars that hexahedra can follow"
+        why = "they are as long as the zone, the plate is not" if larger else why
         rules.append(Simplification("no_columns", what, why))
     if design.supports and (screened or columns):
         what, why = (
@@ -384,7 +387,7 @@ def search(
 def check(space: Space, settings: Settings) -> None:
     """Raise InputError for a case or keys that do not suit the goal."""
     case = space.case()
-    case.refuse("search", (ZONES, SUPPORTS))  # the varied keys, too
+    case.refuse("search", (ZONES, LARGER, SUPPORTS))  # the varied keys, too
     case.require_plate("search")
     case.require("pillar", "array.pitch_mm", command="search")
     case.one_quality_factor("search")
@@ -398,7 +401,8 @@ def check(space: Space, settings: Settings) -> None:
         checked(case)
     if settings.goal == "worst" and not (case.tolerance and case.tolerance.height_m):
         raise InputError(f"{space.path}: tolerance.height_mm: missing, --goal worst needs the deviation of heights")
-    if settings.goal == "extension" and not case.design.extension_m and "array.extension_mm" not in varied:
+    margin = case.design.extension_m or case.design.larger_m
+    if settings.goal == "extension" and not margin and "array.extension_mm" not in varied:
         raise InputError(f"{space.path}: array.extension_mm = 0: must be above 0 for --goal extension")
 
 

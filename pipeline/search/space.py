@@ -24,6 +24,7 @@ from pipeline.search.terms import Range, Window
 VARIED = ("plate", "zone", "pillar", "array")  # the tables that shape the plate
 STEP_MM = 0.01  # printers are no more accurate
 EXAMPLE = "such as pillar.height_mm=5:8"
+CENTRE = "zone.centre_mm"  # x and y, each between the two ends
 WORDS = {"true": True, "false": False}  # and the values that they stand for
 
 
@@ -31,7 +32,8 @@ WORDS = {"true": True, "false": False}  # and the values that they stand for
 class Variable:
     """One key between two ends, in the file's unit; its values are snapped to the grid `step`.
 
-    A key with one value per row has a `row` (from 1 at the zone); for a key with two words, 0 and 1 stand for `words`.
+    A key with one value per row has a `row` (from 1 at the zone), and so have both coordinates of a zone's centre; for a key
+    with two words, 0 and 1 stand for `words`.
     """
 
     key: str
@@ -127,7 +129,9 @@ class Space:
 
     @staticmethod
     def _of_row(design: Design, key: str, row: int) -> float:
-        """Value of a key in one row of a design, mm."""
+        """Value of a key in one row of a design, or along one axis, mm."""
+        if key == CENTRE:
+            return round(design.centre_m[row - 1] / MM, 9)
         own = {HEIGHTS: design.row_pillars[row - 1].height_m, SIDES: design.row_pillars[row - 1].base_m}
         return round(own.get(key, float(design.row_pitches_m[row - 1])) / MM, 9)
 
@@ -190,7 +194,8 @@ def space_of(case: Case, ranges: Sequence[Range]) -> Space:
             faults += error.lines
     if not ranges:
         faults.append(f"--vary: missing, search needs at least one KEY=LOW:HIGH, {EXAMPLE}")
-    if any(variable.row for variable in variables) and "array.rows" in {variable.key for variable in variables}:
+    keys = {variable.key for variable in variables}
+    if "array.rows" in keys and any(variable.row and variable.key != CENTRE for variable in variables):
         faults.append("--vary array.rows: cannot vary together with a key that has one value per row")
     if faults:
         raise InputError(faults)
@@ -259,7 +264,9 @@ def _word(value: Any) -> str:
 
 
 def _rows(case: Case, variable: Variable, between: Range) -> list[Variable]:
-    """Return the variable, or one per row of the file if its key has one value per row; InputError without rows."""
+    """Return the variable, or one per row of the file, or per axis, if its key has these values; InputError without rows."""
+    if variable.key == CENTRE:
+        return [replace(variable, row=axis) for axis in (1, 2)]
     if variable.key not in UNIFORM_ROW_KEYS:
         return [variable]
     rows = case.design.rows

@@ -219,5 +219,6 @@ def overhang_deg(pillar: Pillar) -> float:
 
 def mass_kg(design: Design) -> float:
     """Mass of plate and pillars without fillets, kg."""
-    plate = design.length_m * 2.0 * design.half_span_m * design.stack.mass_kg_m2
+    length, width = design.plate_m
+    plate = length * width * design.stack.mass_kg_m2
     return plate + sum(len(each.centres) * each.pillar.faces * each.pillar.mass_kg for each in design.standing())

@@ -224,7 +224,7 @@ def test_what_does_not_fit_is_refused(key: str) -> None:
     assert any(key in line for line in fault.value.lines) or key == "margin"
 
 
-@pytest.mark.parametrize("command", ["search", "explore", "broadband", "travel", "crosstalk"])
+@pytest.mark.parametrize("command", ["explore", "broadband", "travel", "crosstalk"])
 def test_commands_for_long_zones_refuse_it(command: str) -> None:
     with pytest.raises(InputError, match=r"plate.length_mm = 30: .* supports a plate as long as its zone only"):
         case_of().refuse(command)

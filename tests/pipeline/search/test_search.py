@@ -10,6 +10,7 @@ from dataclasses import replace
 from math import isnan
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from geometry.layout import Pillar
@@ -39,6 +40,7 @@ from tests.helpers.recording_log import RecordingLog
 from tests.helpers.searching import parse_vary, read_space
 
 CASE = str(STUDIES / "three-rows.toml")
+ON_GLASS = str(ROOT / "examples" / "28-zone-on-glass.toml")
 SCREWED = str(ROOT / "examples" / "30-screwed-plate.toml")
 SMALL = (
     "zone.length_mm=40", "zone.nodal_lines=3", "zone.width_mm=18", "array.rows=1", "array.extension_mm=5", "solve.accuracy=0.1",
@@ -121,6 +123,50 @@ def test_the_file_is_its_own_first_design() -> None:
     assert space.own_values() == (6.3, 4.0)
     assert space.case(space.own_values()).to_dict() == space.case().to_dict()
     assert read_space(CASE, ["pillar.height_mm=9"], ["pillar.height_mm=5:8"]).own_values() is None
+
+
+@pytest.mark.parametrize(("right", "up"), [(1, 1), (-1, 1), (-1, -1)])
+def test_a_zone_moves_over_a_larger_plate_by_assembled_plates_alone(
+    right: int, up: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A landscape with its top at (3, -2) mm, or mirrored or turned: the zone goes there, both coordinates at once."""
+    top, tried = np.array([3e-3 * right, -2e-3 * up]), []
+
+    def plate(case: Case, fidelity: str, near_hz: float | None = None, cache: object = None) -> FidelityResult:
+        tried.append((fidelity, near_hz))
+        away = float(1e6 * ((np.array(case.design.centre_m) - top) ** 2).sum())
+        return FidelityResult(fidelity=fidelity, frequency_hz=40e3, confinement_db=20.0 - away, mac=0.9)
+
+    put(monkeypatch, plate)
+    place, out = [8 * right, -5 * up], tmp_path / "found.json"
+    more = ["--set", f"zone.centre_mm={place}", "--evaluations", "40", "--quiet", "--json", str(out)]
+    assert run(ON_GLASS, "--vary", "zone.centre_mm=-9:9", *more) == 0
+    found = json.loads(out.read_text())
+    assert {each for each, _ in tried} == {PLATE} and {near for _, near in tried} == {None}
+    assert found["evaluations"][0]["set"]["zone.centre_mm[1]"] == place[0]
+    best = [found["best"]["set"][f"zone.centre_mm[{axis}]"] for axis in (1, 2)]
+    assert best == pytest.approx(1e3 * top, abs=0.5)
+    assert f"zone.centre_mm=[{best[0]:g},{best[1]:g}]" in found["repeat"]
+    design = load_case(ON_GLASS).design
+    whole = 0.09 * 0.06 * design.stack.mass_kg_m2 + len(design.pillar_centres()) * design.pillar.mass_kg
+    assert found["best"]["mass_kg"] == pytest.approx(whole)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--vary", "pillar.height_mm=6:7", "--goal", "widest"), "search --goal widest supports a plate as long as"),
+        (("--vary", "zone.centre_mm=60:70"), "the zone extends beyond the plate"),
+        (("--vary", "array.rows=20:30"), "rows do not fit between zone and edge"),
+        (("--vary", "array.extension_mm=1:2"), "must be left out of a plate with length_mm"),
+    ],
+)
+def test_what_a_larger_plate_cannot_vary_is_one_line(
+    arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(ON_GLASS, "--quiet", *arguments) == 2
+    text = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(text) == 1 and said in text[0]
 
 
 def test_a_key_with_a_value_a_row_varies_row_by_row() -> None:
@@ -477,6 +523,49 @@ def test_the_command_that_it_names_gives_the_number_that_it_claims(
     target = max(modes, key=lambda mode: (mode["mac"] or 0.0) * (mode["zone_share"] or 0.0))
     assert target["confinement_db"] == pytest.approx(best["confinement_db"], abs=1e-6)
     assert target["frequency_hz"] == pytest.approx(best["frequency_hz"], rel=1e-9)
+
+
+WITHIN = """
+name = "larger"
+material = "aluminium"
+[plate]
+thickness_mm = 2.0
+length_mm = 36.0
+width_mm = 30.0
+[zone]
+length_mm = 20.0
+width_mm = 14.0
+nodal_lines = 0
+centre_mm = [1.5, -1.0]
+[pillar]
+side_mm = 2.0
+height_mm = 5.4
+[array]
+pitch_mm = 4.0
+rows = 1
+surround = true
+[solve]
+accuracy = 0.1
+"""
+
+
+@pytest.mark.slow
+def test_a_larger_plate_is_searched_as_its_modes_are_solved(
+    coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Height and place at once, the target mode in a window: the best design's figures are those of `modes`."""
+    monkeypatch.setattr(fidelity.EvaluationCache.__init__, "__defaults__", (tmp_path / "shelf",))
+    (path := tmp_path / "within.toml").write_text(WITHIN)
+    vary = ["--vary", "pillar.height_mm=5:5.8", "--vary", "zone.centre_mm=-2:2", "--target", "35kHz:75kHz"]
+    limits = ["--mac", "0.1", "--max-half-wavelength", "30", "--evaluations", "2"]
+    assert run(str(path), *vary, *limits, "--quiet", "--json", str(tmp_path / "found.json")) == 0
+    found = json.loads((tmp_path / "found.json").read_text())
+    sets = [part for text in found["repeat"] for part in ("--set", text)]
+    assert main(["modes", str(path), *sets, "--quiet", "--json", str(tmp_path / "m.json")]) == 0
+    target, best = json.loads((tmp_path / "m.json").read_text())["target"], found["best"]
+    for own in ("frequency_hz", "confinement_db", "mac"):
+        assert target[own] == pytest.approx(best[own], rel=1e-6)
+    assert len(found["evaluations"]) == 2 and {each["fidelity"] for each in found["evaluations"]} == {PLATE}
 
 
 @pytest.mark.slow
