@@ -23,6 +23,7 @@ from pipeline.models.live_column import LiveCell, live_modes
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_stagger, of_case, with_defaults
+from pipeline.planning.plan import modes_step
 from pipeline.quantity import KHZ, MM
 from pipeline.records import store
 from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP, FidelityResult, Window
@@ -236,7 +237,8 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
     if near_hz and fidelity == SOLID:  # a whole mesh pays for every mode
         request = modes.Request("plate", near_hz=near_hz, count=NEAREST, symmetry=case.target_symmetry, search=False)
     log = WarningLog()
-    part_modes = modes.solve_modes(case, request, log)
+    spared = fidelity == PLATE and case.design.larger_m  # as `antinode modes` plans them
+    part_modes = modes.solve_modes(case, request, log, modes_step(case, request).choice if spared else None)
     row = part_modes.target_row
     if row is None:
         return FidelityResult(fidelity=fidelity, why_not="no mode of the target shape in the window")
