@@ -26,7 +26,8 @@ WINDOW_S = PERIOD * SAMPLE_S
 TURN = 2**32
 FULL_SCALE = 32767  # word of a response of 1
 LEAST_STEPS, MOST_STEPS = 128, CHIRP_ROWS // 2  # two periods in a recording, or more
-SETTLED = 8.0  # time constants in a period
+SETTLED, SLOW_SETTLED = 8.0, 5.0  # time constants in a period; of a plate that needs more than one window per step
+FEW_FROM = 4  # windows per step from which half as many steps, each twice as long, save recordings
 TRIES = (
     (0.0, 1.0),
     (0.7, 1.0),
@@ -53,7 +54,10 @@ class Sweep:
         steps = LEAST_STEPS
         while steps < min(windows, MOST_STEPS):
             steps *= 2
-        every = max(1, math.ceil(windows / steps))
+        every = max(1, math.ceil(windows / steps * (SLOW_SETTLED / SETTLED if windows > steps else 1.0)))
+        if every >= FEW_FROM:
+            steps = MOST_STEPS // 2
+            every = math.ceil(SLOW_SETTLED * tau_s / WINDOW_S / steps)
         turns = 2.0 * steps * every * WINDOW_S
         return cls((round(turns * carrier_hz - 0.5) + 0.5) / turns, steps, every)
 

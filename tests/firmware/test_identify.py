@@ -25,6 +25,22 @@ from tests.helpers.hosted_boards import Rig, RigPort
 TRUE, GAIN, DELAY_S, NOISE = 31437.3, 0.8, 7.3e-6, 1e-3
 
 
+class Clock:
+    """The time of a port, in the place of the computer's: a busy machine is no silent board."""
+
+    def __init__(self, port: RigPort) -> None:
+        self.port = port
+
+    def monotonic(self) -> float:
+        """Seconds that the board has run."""
+        return self.port.elapsed_s
+
+    def sleep(self, seconds: float) -> None:
+        """Let the board run."""
+        self.port.rig.run(seconds)
+        self.port.elapsed_s += seconds
+
+
 class Bench:
     """A rig with a client on its serial line."""
 
@@ -41,6 +57,7 @@ class Bench:
         self.rig.run(5e-3)
         self.port = RigPort(self.rig)
         self.client = Client(self.port)
+        identification.time = Clock(self.port)  # type: ignore[attr-defined]
 
     @property
     def gain(self) -> float:
@@ -66,6 +83,12 @@ class Bench:
         text = str(raised.value)
         assert text.startswith("identify: ") and "\n" not in text
         return text
+
+
+@pytest.fixture(autouse=True)
+def own_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give the client's clock back after a bench has replaced it."""
+    monkeypatch.setattr(identification, "time", identification.time)  # type: ignore[attr-defined]
 
 
 def close(found: Found, bench: Bench, hz: float, share: float) -> bool:
@@ -98,6 +121,18 @@ def test_other_frequencies(core, true: float) -> None:
     found = identify(bench.client)
     assert close(found, bench, true / 1000.0 / 100.0, 0.01)
     assert abs(bench.held(0.2)) < 1e-3 and bench.port.elapsed_s < 10.0
+
+
+@pytest.mark.parametrize(("true", "noise"), [(2.1e3, 1e-4), (4e3, NOISE), (8e3, NOISE)])
+def test_a_slow_plate_takes_what_its_decay_demands(core, true: float, noise: float) -> None:
+    """Ten seconds, or three sweeps of five periods of five time constants: 23.9 Q/f, which is more below 2.4 kHz."""
+    bench = Bench(1000.0, 0.03, true, noise=noise)
+    found = identify(bench.client)
+    least_s = 75.0 * bench.own.tau_s
+    assert least_s == pytest.approx(23.9 * 1000.0 / true, rel=2e-3)
+    assert found.seconds < (10.0 if least_s < 10.0 else 1.15 * least_s)
+    assert close(found, bench, true / 1000.0 / 100.0, 0.01) and found.coherence > 0.999
+    assert abs(bench.held(2.0)) < 1e-3
 
 
 @pytest.mark.parametrize(
