@@ -246,10 +246,7 @@ def _expanded(entry: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _planners(planner: str, model: str, **more: Any) -> list[dict[str, Any]]:
-    """Meshes that an accuracy may select for a part or for reduced cells; for isolated parts also those of order 2.
-
-    The finest mesh of a whole plate is omitted because it is expensive.
-    """
+    """Meshes that an accuracy may select for a part or for reduced cells; of lone parts also of order 2."""
     if planner == "reduced":
         rows = tuple(mesh_rules.CELL_LEVELS.values())
     elif planner == "whole":

@@ -49,9 +49,8 @@ from solvers.waves.bloch import BlochCell
 from studies.independent import UNSURE, BondedPlate, free_block_hz, solid_modes
 
 CASE = Path(__file__).with_name("three-rows.toml")
-TUNGSTEN = Material.isotropic(
-    "tungsten", 400e9, 19300.0, 0.28
-)  # the strongest contrast, in addition to the library's materials
+# the strongest contrast, in addition to the library's materials
+TUNGSTEN = Material.isotropic("tungsten", 400e9, 19300.0, 0.28)
 DRAWN = ("aluminium", "AlSi7Mg0.6", "steel", "glass", "brass", "pmma", "titanium")  # the library's of the first scenes
 KNOWN = [*(MATERIALS[name] for name in DRAWN), TUNGSTEN]
 CRYSTALS = ("silicon", "AlSi7Mg0.6-printed")

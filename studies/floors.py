@@ -117,9 +117,8 @@ def main() -> None:
     """Write the picture, and the table into the page between its two marks."""
     import matplotlib
 
-    matplotlib.rcParams.update(
-        {"svg.hashsalt": "floors", "svg.fonttype": "none"}
-    )  # the same bytes from the same imports
+    # the same bytes from the same imports
+    matplotlib.rcParams.update({"svg.hashsalt": "floors", "svg.fonttype": "none"})
     modules = folders()
     draw(modules, arrows(modules), PICTURE)
     page = PAGE.read_text()

@@ -35,10 +35,8 @@ Parity = tuple[int, int, int]
 SAME_M = 1e-9
 NEAREST = 14  # modes of a quarter about the middle of a band, more than it holds
 
-SHRINK, EXPONENT = (
-    0.3,
-    0.55,
-)  # of elements towards an edge, and of displacements there (williams1952), within 0.03 for all pairs
+# of elements towards an edge, and of displacements there (williams1952), within 0.03 for all pairs
+SHRINK, EXPONENT = 0.3, 0.55
 
 LEFT = SHRINK ** (2.0 * EXPONENT)  # of the error, after one more layer
 SIZE_M = 2e-3  # of elements of order 3 away from edges
@@ -99,31 +97,10 @@ class SolidModes:
 def free_block_hz(
     material: Material, size_m: tuple[float, float, float], high_hz: float, degrees: tuple[int, int, int] = (10, 10, 10)
 ) -> dict[str, FloatArray]:
-    """Natural frequencies of a free block up to `high_hz`, by symmetry class.
+    """Frequencies of a free block up to `high_hz`, ascending, by symmetry class: SS, SA, AS or AA of u_z in x, then in y.
 
-    K a = (2 pi f)^2 M a with K from the strain energy of polynomials up to `degrees` along x, y and z.
-
-    Parameters
-    ----------
-    material : Material
-        Of any law.
-    size_m : tuple of float
-        Edges along x, y and z in m.
-    high_hz : float
-        Highest frequency in Hz.
-    degrees : tuple of int
-        Highest degree of the polynomials along x, y and z.
-
-    Returns
-    -------
-    dict of str to ndarray
-        Frequencies in Hz, ascending, (n,) each, by class: SS, SA, AS or AA for u_z even (S) or odd (A) in x, then in y;
-        "whole" of a law without these mirrors.
-        Rigid-body motions are left out.
-
-    References
-    ----------
-    visscher1991
+    K a = (2 pi f)^2 M a with K from the strain energy of polynomials up to `degrees` along x, y and z (visscher1991). A law
+    without these mirrors has the class "whole". Rigid-body motions are left out.
     """
     axes = [_axis(degree, length) for degree, length in zip(degrees, size_m, strict=True)]
     if not {"x", "y"} <= {*material.mirrors}:
@@ -187,10 +164,7 @@ def _axis(degree: int, length_m: float) -> _Axis:
 
 
 def _class_hz(material: Material, axes: list[_Axis], parity: Parity | None) -> FloatArray:
-    """Frequencies above 0 of the motions whose u_z has these parities along x, y and z: u_x is odd in x where u_z is even.
-
-    All motions without parities.
-    """
+    """Frequencies above 0 of motions whose u_z has parities along x, y, z, u_x odd in x where u_z is even; of all without."""
     every = [np.arange(len(one.slopes)) for one in axes]
     kept = [every] * 3 if parity is None else [
         [np.arange((each + (axis != 2) * (axis == component) + (axis == 2) * (component != 2)) % 2, len(one.slopes), 2)

@@ -50,11 +50,7 @@ BREAK = {
     "LIMIT": "UC{n}.in-",
     "GND": "RZ{n}.2 UC{n}.v-",
 }
-REFERENCE = {
-    "3V3": "MCU.3V3 R1.1",
-    "1V65": "R1.2 R2.1 C1.1",
-    "GND": "MCU.GND R2.2 C1.2",
-}
+REFERENCE = {"3V3": "MCU.3V3 R1.1", "1V65": "R1.2 R2.1 C1.1", "GND": "MCU.GND R2.2 C1.2"}
 LIMIT = {"3V3": "R3.1", "LIMIT": "R3.2 R4.1", "GND": "R4.2"}
 ENABLE = {"ENABLE": "MCU.{pin} R5.1", "GND": "R5.2"}
 

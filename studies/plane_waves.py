@@ -29,25 +29,9 @@ class LoadedPlate:
     attached: Sequence[Support] = ()
 
     def frequencies(self, wavevector: FloatArray, count: int, reach: int = 8) -> FloatArray:
-        """Solve the lowest flexural waves, w = sum of w_G exp(i (k + G) r).
+        """The lowest flexural waves in Hz, (count,), of w = sum of w_G exp(i (k + G) r) at a wavevector (2,) in rad/m.
 
-        Parameters
-        ----------
-        wavevector : ndarray, shape (2,)
-            In rad/m.
-        count : int
-            Number of waves.
-        reach : int
-            Largest multiple of a reciprocal vector in G: (2 reach + 1)^2 plane waves.
-
-        Returns
-        -------
-        ndarray, shape (count,)
-            Frequencies in Hz, ascending.
-
-        References
-        ----------
-        .. [1] xiao2012 (docs/references.bib)
+        G has multiples of the reciprocal vectors up to `reach`: (2 reach + 1)^2 plane waves (xiao2012).
         """
         steps = np.arange(-reach, reach + 1)
         q = wavevector + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) @ self.lattice.reciprocal_per_m
@@ -71,23 +55,9 @@ class LoadedPlate:
     def gap(
         self, below: int, points: int = 24, reach: int = 8, corners_per_m: FloatArray | None = None
     ) -> tuple[float, float]:
-        """Find the highest frequency of a band (from 1) and the lowest of the next one along a path, Hz.
+        """The highest frequency of a band (from 1) and the lowest of the next one along a path, Hz: no gap where they cross.
 
-        Parameters
-        ----------
-        below : int
-            The band.
-        points : int
-            Intervals per segment.
-        reach : int
-            As of `frequencies`.
-        corners_per_m : ndarray, shape (n, 2), optional
-            Wavevectors of its corners in rad/m; the lattice's default path without it.
-
-        Returns
-        -------
-        tuple of float
-            Edges of the gap; the first is not below the second if there is none.
+        The path has the corners given in rad/m, the lattice's default ones without any, and so many `points` a segment.
         """
         if corners_per_m is None:
             corners_per_m = self.lattice.path(self.lattice.default_path, 1).wavevectors

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.elements import FloatArray, IntArray, corner_ring
+from geometry.elements import FloatArray, IntArray, Rings, corner_ring
 from geometry.errors import MeshError, MeshFileError
 from geometry.formats.inp import read_inp
 from geometry.formats.med import read_med
@@ -21,13 +21,10 @@ from geometry.formats.neutral import (
     PLACES,
     VOLUME,
     RawMesh,
-    completed,
     local_nodes,
     mirrored,
     order_of,
-    placed_middles,
     require_file,
-    rows_in,
 )
 from geometry.layout import MAX_SECTIONS, section_names
 from geometry.mesh import AnyMesh, Mesh, MixedMesh, check_mesh
@@ -144,7 +141,7 @@ def _components(pairs: IntArray, count: int) -> tuple[int, IntArray]:
 
 def _mesh(raw: RawMesh, file: str, unit: str, groups: Sequence[str]) -> AnyMesh:
     given = _volume_types(raw, file)
-    raw = completed(raw, file)
+    raw = _completed(raw, file)
     types = sorted({FULL.get(cell_type, cell_type) for cell_type in given})
     if len({KINDS[cell_type][1] for cell_type in types}) > 1:
         named = " and ".join(given)
@@ -247,7 +244,7 @@ def _block(points: FloatArray, cells: IntArray, cell_type: str, file: str) -> Me
     (kind, order), count = KINDS[cell_type], CORNER_COUNT[cell_type]
     a, b, c, d = (points[cells[:, i]] for i in SPANNING[kind])
     inside_out = np.einsum("ei,ei->e", np.cross(b - a, c - a), d - a) < 0.0
-    vtk = cells if order == 1 else np.hstack([cells[:, :count], placed_middles(points, cells, cell_type, file)])
+    vtk = cells if order == 1 else np.hstack([cells[:, :count], _placed_middles(points, cells, cell_type, file)])
     turned = vtk[:, order_of(cell_type, mirrored(cell_type, PLACES[cell_type]))]
     ours = np.empty_like(vtk)
     ours[:, local_nodes(kind, order)] = np.where(inside_out[:, None], turned, vtk)
@@ -255,9 +252,7 @@ def _block(points: FloatArray, cells: IntArray, cell_type: str, file: str) -> Me
 
 
 def _regions(raw: RawMesh, volumes: list[int], groups: Sequence[str], file: str) -> dict[str, IntArray]:
-    """The cells of groups `pillar`, `section2` and so on, which may have materials of their own, those of the named groups,
-    and all others as `plate`. Raises MeshFileError for a cell in two named groups.
-    """
+    """Cells of the groups `pillar`, `section2` and so on and of the named ones, each in one; all others are `plate`."""
     names = [*OWN, *(name.casefold() for name in groups if name.casefold() not in OWN)]
     named = {name.casefold() for name in groups}
     starts = np.concatenate([[0], np.cumsum([len(raw.blocks[i][1]) for i in volumes])])
@@ -292,7 +287,7 @@ def _faces(raw: RawMesh, blocks: Sequence[Mesh], number: IntArray, file: str) ->
                 raw.blocks[i][1][cells][:, :corners] for i, cells in members.items() if _corners_of(raw, i) == corners
             ]
             if given:
-                place = rows_in(np.sort(number[np.vstack(given)], axis=1), keys)
+                place = _rows_in(np.sort(number[np.vstack(given)], axis=1), keys)
                 parts.append((place, full))
         lost = sum(int((place < 0).sum()) for place, _ in parts)
         lost += sum(len(cells) for i, cells in members.items() if _corners_of(raw, i) not in (0, *shapes))
@@ -330,10 +325,114 @@ def _check_fit(shapes: dict[int, tuple[IntArray, IntArray]], nodes: FloatArray, 
         return
     squares = shapes[4][0]
     halves = np.vstack([np.delete(squares, corner, axis=1) for corner in range(4)])
-    leaning = np.flatnonzero(rows_in(shapes[3][0], np.unique(halves, axis=0)) >= 0)
+    leaning = np.flatnonzero(_rows_in(shapes[3][0], np.unique(halves, axis=0)) >= 0)
     if len(leaning):
         place = ", ".join(f"{value:.3f}" for value in 1e3 * nodes[shapes[3][0][leaning[0]]].mean(axis=0))
         raise MeshFileError(
             f"{file}: {len(leaning)} triangular face(s) lean against a square one, the first at ({place}) mm: "
             "a pyramid must stand between"
         )
+
+
+# -- elements without middles of faces ---------------------------------------------------------------------------------
+# Hexahedra of 20 nodes (C3D20, HE20), wedges of 15 (C3D15) and pyramids of 13 as those of 27, 18 and 14 nodes.
+# Square faces and hexahedra get the middles that they lack. The full map through those points is the map without
+# them, so that curved bodies stay as they are; its displacements are richer, its frequencies at most those of the
+# element in the file.
+
+OFF_MIDDLE = 0.3  # of an edge: a node farther from its place than this is not the node we think it is
+
+
+def _placed_middles(points: FloatArray, cells: IntArray, cell_type: str, file: str) -> IntArray:
+    """Middle nodes (m, k - corners) of cells (m, k) in VTK's order; MeshFileError where they fit none.
+
+    The format defines their order, which curved elements need. Where a straight-edged mesh contradicts it, its writer
+    followed another convention, and each node goes to the middle that it lies at.
+    """
+    count = CORNER_COUNT[cell_type]
+    corners, middles, places = cells[:, :count], cells[:, count:], PLACES[cell_type][count:]
+    middle = np.stack([points[corners[:, list(place)]].mean(axis=1) for place in places], axis=1)
+    edges = [np.linalg.norm(points[corners[:, place[0]]] - points[corners[:, place[-1]]], axis=1) for place in places]
+    size = np.ptp(points[corners], axis=1).max(axis=1)
+    allowed = OFF_MIDDLE * np.minimum(np.stack(edges, axis=1), size[:, None])
+    if not (np.linalg.norm(points[middles] - middle, axis=2) > allowed).any():
+        return middles
+    distance = np.linalg.norm(points[middles][:, :, None] - middle[:, None], axis=3)  # element, node, place
+    nearest = distance.argmin(axis=1)
+    fits = (distance.min(axis=1) <= allowed).all() and (np.sort(nearest, axis=1) == np.arange(len(places))).all()
+    if fits:
+        return np.take_along_axis(middles, nearest, axis=1)
+    far = np.flatnonzero((np.linalg.norm(points[middles] - middle, axis=2) > size[:, None]).any(axis=1))
+    if len(far):
+        raise MeshFileError(f"{file}: element {far[0]}: a middle node lies outside the element: unknown node order")
+    return middles  # curved: check_mesh looks at the map itself
+
+
+def _completed(raw: RawMesh, file: str) -> RawMesh:
+    """The mesh with cells of 27, 18 and 14 nodes instead of 20, 15 and 13; others stay as they are.
+
+    A face keeps the middle that a complete neighbouring element names for it. Raises MeshFileError as `_placed_middles`.
+    """
+    if not any(kind in FULL and len(block) for kind, block in raw.blocks):
+        return raw
+    points, blocks = raw.points, list(raw.blocks)
+    keys, nodes = _named_middles(raw, file)
+    for index, (kind, block) in enumerate(raw.blocks):
+        if kind not in FULL or not len(block):
+            continue
+        corners, edges = block[:, : CORNER_COUNT[kind]], _placed_middles(points, block, kind, file)
+        own = np.sort(corners[:, np.array(_squares(kind))].reshape(-1, 4), axis=1)
+        places = np.stack([_face_middle(points, corners, edges, kind, face) for face in _squares(kind)], axis=1)
+        keys, first = np.unique(np.vstack([keys, own]), axis=0, return_index=True)
+        number = np.concatenate([nodes, np.full(len(own), -1)])[first]
+        fresh = number < 0
+        number[fresh] = len(points) + np.arange(fresh.sum())
+        points = np.vstack([points, places.reshape(-1, 3)[first[fresh] - len(nodes)]])
+        nodes = number
+        full = [corners, edges, nodes[_rows_in(own, keys)].reshape(len(block), -1)]
+        if kind == "hexahedron20":
+            full.append(len(points) + np.arange(len(block))[:, None])
+            points = np.vstack([points, (points[edges].sum(axis=1) - points[corners].sum(axis=1)) / 4.0])
+        blocks[index] = (FULL[kind], np.hstack(full))
+    added = nodes >= len(raw.points)  # they join a group that holds the corners of their face
+    groups = {
+        name: np.union1d(members, nodes[np.isin(keys, members).all(axis=1) & added])
+        for name, members in raw.node_groups.items()
+    }
+    return replace(raw, points=points, blocks=blocks, node_groups=groups)
+
+
+def _squares(kind: str) -> Rings:
+    """Corners of the square faces that a cell without their middles has, in the order of their middles."""
+    return tuple(place for place in PLACES[FULL[kind]][len(PLACES[kind]) :] if len(place) == 4)
+
+
+def _named_middles(raw: RawMesh, file: str) -> tuple[IntArray, IntArray]:
+    """Sorted corners (m, 4) and middles (m,) of the square faces that elements name, where others do not."""
+    keys, nodes = [np.empty((0, 4), dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    for kind, block in raw.blocks:
+        if kind not in FULL.values() or not len(block):
+            continue
+        placed = _placed_middles(raw.points, block, kind, file)
+        for column, place in enumerate(PLACES[kind][CORNER_COUNT[kind] :]):
+            if len(place) == 4:
+                keys.append(np.sort(block[:, list(place)], axis=1))
+                nodes.append(placed[:, column])
+    distinct, first = np.unique(np.vstack(keys), axis=0, return_index=True)
+    return distinct, np.concatenate(nodes)[first]
+
+
+def _face_middle(
+    points: FloatArray, corners: IntArray, edges: IntArray, kind: str, face: tuple[int, ...]
+) -> FloatArray:
+    """Middle of a square face by the map without it: half the sum of its edges' middles less a quarter of its corners."""
+    around = [i for i, edge in enumerate(PLACES[kind][CORNER_COUNT[kind] :]) if set(edge) <= set(face)]
+    return np.asarray(points[edges[:, around]].sum(axis=1) / 2.0 - points[corners[:, list(face)]].sum(axis=1) / 4.0)
+
+
+def _rows_in(rows: IntArray, table: IntArray) -> IntArray:
+    """Place of each of the rows (m, k) in a table (n, k) of distinct ones, (m,); -1 if absent."""
+    both, inverse = np.unique(np.vstack([table, rows]), axis=0, return_inverse=True)
+    place = np.full(len(both), -1, dtype=np.int64)
+    place[inverse[: len(table)]] = np.arange(len(table))
+    return np.asarray(place[inverse[len(table) :]])

@@ -16,7 +16,7 @@ from geometry.cad.solids import Body, CadFace, CadSurface, cad_surface
 from geometry.elements import TET_EDGES, TET_FACES, BoolArray, FloatArray, IntArray
 from geometry.errors import MeshError
 from geometry.mesh import Mesh, cell_volumes, check_mesh, jacobians
-from geometry.tet.tetwild import NearSegments, background, tet_quality, tetrahedralize
+from geometry.tet.tetwild import NearSegments, tet_volumes, tetrahedralize
 
 log = logging.getLogger(__name__)
 POOR = 0.05  # mean ratio below which a cell counts as flattened; the mesher's own worst are about 0.2
@@ -37,6 +37,9 @@ FLAT_QUALITY = 1e-3  # mean-ratio quality of a tetrahedron that is as good as fl
 PART_TOLERANCE = 1e-3  # relative volume error allowed to each bonded part
 VOLUME_TOLERANCE = 1e-3  # relative, of the whole body
 ON_PLANE = 1e-9  # of the diagonal: planes must be met to rounding
+
+GRID_NODES = 400_000  # a finer background grid costs the mesher more than it brings
+BOX_TETS = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
 
 
 @dataclass(frozen=True)
@@ -74,10 +77,7 @@ class Boundary:
 
 
 def _find_boundary(vertices: FloatArray, cells: IntArray, part: IntArray, surface: CadSurface) -> Boundary:
-    """Boundary triangles of cells labelled by part, each given to the CAD face nearest to its centroid.
-
-    A triangle between two parts is listed once, on the side of the lower part number.
-    """
+    """Boundary triangles of cells labelled by part, given to the nearest CAD face; between parts they count to the lower."""
     sides = cells[:, TET_FACES].reshape(-1, 3)
     cell, local = np.divmod(np.arange(len(sides)), 4)
     key = np.sort(sides, axis=1)
@@ -123,7 +123,7 @@ def _without_flat_cells(
         start[vertex] = _onto_faces(vertices[[vertex]], flat, surface)[0] if flat else vertices[vertex]
     here = snapped
     for _ in range(RELAXATIONS):
-        poor = np.unique(cells[tet_quality(here, cells) < POOR])
+        poor = np.unique(cells[_tet_quality(here, cells) < POOR])
         if not (share[poor] * np.isin(poor, list(curved))).any():
             break
         share[poor] /= 2.0
@@ -140,10 +140,7 @@ def _without_flat_cells(
 
 
 def _onto_faces(points: FloatArray, numbers: tuple[int, ...], surface: CadSurface) -> FloatArray:
-    """Points (n, 3) moved onto the intersection of the numbered CAD faces.
-
-    Where two of them form no edge (they meet smoothly or not at all) a point belongs to the nearer one.
-    """
+    """Points (n, 3) moved onto the intersection of CAD faces; where two form no edge, a point belongs to the nearer one."""
     if all(surface.edge_between(first, second) for first, second in combinations(numbers, 2)):
         return _onto(points, [surface.faces[i] for i in numbers])
     kept = [_with_edges(point, numbers, surface) for point in points]
@@ -151,10 +148,7 @@ def _onto_faces(points: FloatArray, numbers: tuple[int, ...], surface: CadSurfac
 
 
 def _off_plane(vertices: FloatArray, boundary: Boundary, surface: CadSurface) -> float:
-    """Largest distance (mm) of a corner from the plane its triangle was given to, 0 to rounding on a proper mesh.
-
-    Planes that go over smoothly into a curved face are left out: there triangles may straddle.
-    """
+    """Largest distance (mm) of a corner from its triangle's plane, but for planes that go over into a curved face."""
     worst = 0.0
     bent = {i for pair, edge in surface.meetings.items() if not edge and not _all_flat(pair, surface) for i in pair}
     for number in np.unique(boundary.face_of):
@@ -408,14 +402,40 @@ def _request(
     }
     if size is not None:
         low, high = surface.points.min(axis=0), surface.points.max(axis=0)
-        points, cells, values = background(lambda at: MM * size(at / MM), low, high, MM * size.fine_m)
+        points, cells, values = _background(size, low, high)
         request |= {"bg_vertices": points, "bg_tets": cells, "bg_values": values}
     return request
 
 
+def _background(size: NearSegments, low: FloatArray, high: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Nodes (n, 3) of a grid of tetrahedra (m, 4) around a box, and edge lengths (n,) there, all in mm.
+
+    The spacing begins with the finest edge and grows until the grid has about GRID_NODES nodes at most. Raises MeshError
+    for an edge length that is not positive.
+    """
+    room = high - low
+    finest = MM * size.fine_m
+    spacing = max(finest, float((np.maximum(room, finest).prod() / GRID_NODES) ** (1.0 / 3.0)))
+    counts = np.maximum(np.ceil(room / spacing).astype(int), 1) + 2
+    lines = [
+        np.linspace(a - s / (n - 2), b + s / (n - 2), n + 1) for a, b, s, n in zip(low, high, room, counts, strict=True)
+    ]
+    z, y, x = np.meshgrid(*lines[::-1], indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    values = MM * size(points / MM)
+    if not (values > 0.0).all():
+        raise MeshError("the sizing field must give a positive edge length everywhere")
+    nx, ny, nz = counts
+    i, j, k = np.indices((nx, ny, nz))
+    corner = (i + (nx + 1) * (j + (ny + 1) * k)).ravel()
+    step = np.array([a + (nx + 1) * (b + (ny + 1) * c) for c in (0, 1) for b in (0, 1) for a in (0, 1)])
+    cells = (corner[:, None] + step)[:, BOX_TETS].reshape(-1, 4)
+    return points, cells, values
+
+
 def _check_corners(vertices: FloatArray, cells: IntArray, boundary: Boundary, surface: CadSurface) -> None:
     """Raise MeshError for a flat or inverted straight tetrahedron, or a corner off its plane."""
-    quality = tet_quality(vertices, cells)
+    quality = _tet_quality(vertices, cells)
     worst = int(quality.argmin())
     if not quality[worst] > FLAT_QUALITY:
         place = ", ".join(f"{c:.3f}" for c in vertices[cells[worst]].mean(axis=0))
@@ -426,3 +446,15 @@ def _check_corners(vertices: FloatArray, cells: IntArray, boundary: Boundary, su
     gap = _off_plane(vertices, boundary, surface)
     if gap > ON_PLANE * surface.diagonal:
         raise MeshError(f"a boundary triangle cuts a CAD edge: a corner is {gap:.2e} mm off its plane")
+
+
+def _tet_quality(vertices: FloatArray, cells: IntArray) -> FloatArray:
+    """Mean ratio 12 (3 V)^(2/3) / sum of squared edges of straight tetrahedra (m,): 1 if regular, negative if inverted.
+
+    Source: liu1994.
+    """
+    volumes = tet_volumes(vertices, cells)
+    corners = vertices[cells[:, :4]]
+    edges = corners[:, [0, 1, 0, 0, 1, 2]] - corners[:, [1, 2, 2, 3, 3, 3]]
+    squares = np.maximum((edges**2).sum(axis=(1, 2)), np.finfo(float).tiny)
+    return np.asarray(np.sign(volumes) * 12.0 * np.cbrt(3.0 * np.abs(volumes)) ** 2 / squares)

@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,19 +66,13 @@ def tetrahedralize(request: dict[str, Any]) -> tuple[FloatArray, IntArray]:
         vertices, cells = answer["vertices"], answer["cells"]
     if not len(cells):
         raise MeshError("pytetwild returned no tetrahedra")
-    flipped = _tet_volumes(vertices, cells) < 0.0  # cells of positive volume are returned
+    flipped = tet_volumes(vertices, cells) < 0.0  # cells of positive volume are returned
     cells[flipped, :2] = cells[flipped, 1::-1]
     return vertices, cells
 
 
-def _tet_volumes(vertices: FloatArray, cells: IntArray) -> FloatArray:
-    """Signed volumes of straight tetrahedra, shape (m,)."""
-    corners = vertices[cells[:, :4]]
-    return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0)
-
-
-def tet_quality(vertices: FloatArray, cells: IntArray) -> FloatArray:
-    """Compute the mean ratio 12 (3 V)^(2/3) / sum of squared edges of straight tetrahedra.
+def tet_volumes(vertices: FloatArray, cells: IntArray) -> FloatArray:
+    """Compute the signed volumes of straight tetrahedra.
 
     Parameters
     ----------
@@ -91,24 +84,14 @@ def tet_quality(vertices: FloatArray, cells: IntArray) -> FloatArray:
     Returns
     -------
     ndarray, shape (m,)
-        Quality: 1 for a regular tetrahedron, 0 for a flat one, negative for an inverted one.
-
-    References
-    ----------
-    .. [1] liu1994 (docs/references.bib)
+        In the cube of that unit.
     """
-    volumes = _tet_volumes(vertices, cells)
     corners = vertices[cells[:, :4]]
-    edges = corners[:, [0, 1, 0, 0, 1, 2]] - corners[:, [1, 2, 2, 3, 3, 3]]
-    squares = np.maximum((edges**2).sum(axis=(1, 2)), np.finfo(float).tiny)
-    return np.asarray(np.sign(volumes) * 12.0 * np.cbrt(3.0 * np.abs(volumes)) ** 2 / squares)
+    return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0)
 
 
 # -- edge lengths ------------------------------------------------------------------------------------------------------
 # Edge length as a function of place: finer near singular edges, growing linearly away from them.
-
-GRID_NODES = 400_000  # a finer background grid costs the mesher more than it brings
-BOX_TETS = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
 
 
 @dataclass(frozen=True)
@@ -128,55 +111,6 @@ class NearSegments:
             share = np.clip((points - start) @ along / (along @ along), 0.0, 1.0)
             nearest = np.minimum(nearest, np.linalg.norm(points - start - share[:, None] * along, axis=1))
         return np.minimum(self.fine_m + self.growth * nearest, self.coarse_m)
-
-
-def background(
-    size: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, spacing: float
-) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Make a grid of tetrahedra around a box that carries edge lengths at its nodes.
-
-    The spacing grows until the grid has about GRID_NODES nodes at most.
-
-    Parameters
-    ----------
-    size : callable
-        Edge length at points (n, 3), in the same unit.
-    low, high : ndarray, shape (3,)
-        Corners of the box.
-    spacing : float
-        Largest distance between grid nodes before it grows, in the same unit.
-
-    Returns
-    -------
-    points : ndarray, shape (n, 3)
-        Nodes of the grid.
-    cells : ndarray, shape (m, 4)
-        Tetrahedra.
-    values : ndarray, shape (n,)
-        Edge lengths at the nodes.
-
-    Raises
-    ------
-    MeshError
-        For an edge length that is not positive.
-    """
-    room = high - low
-    spacing = max(spacing, float((np.maximum(room, spacing).prod() / GRID_NODES) ** (1.0 / 3.0)))
-    counts = np.maximum(np.ceil(room / spacing).astype(int), 1) + 2
-    lines = [
-        np.linspace(a - s / (n - 2), b + s / (n - 2), n + 1) for a, b, s, n in zip(low, high, room, counts, strict=True)
-    ]
-    z, y, x = np.meshgrid(*lines[::-1], indexing="ij")
-    points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-    values = np.asarray(size(points), dtype=float)
-    if values.shape != (len(points),) or not (values > 0.0).all():
-        raise MeshError("the sizing field must give one positive edge length for each point")
-    nx, ny, nz = counts
-    i, j, k = np.indices((nx, ny, nz))
-    corner = (i + (nx + 1) * (j + (ny + 1) * k)).ravel()
-    step = np.array([a + (nx + 1) * (b + (ny + 1) * c) for c in (0, 1) for b in (0, 1) for a in (0, 1)])
-    cells = (corner[:, None] + step)[:, BOX_TETS].reshape(-1, 4)
-    return points, cells, values
 
 
 # -- the process -------------------------------------------------------------------------------------------------------

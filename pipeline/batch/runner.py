@@ -240,7 +240,9 @@ class _Run:
     def go(self) -> StudyOutcome:
         self.progress.begin(self.folder, self.planned, known_seconds(self.folder, self.jobs))
         self._note("run", cases=len(self.planned), to_compute=len(self.waiting), pid=os.getpid())
-        executor = self.options.executor or (_local(self.workers) if self.waiting else None)
+        executor = self.options.executor
+        if self.waiting and not executor:  # as many threads each as before, so that a resumed run repeats its numbers
+            executor = workers.LocalWorkers(self.workers, max(1, default_jobs(1 << 30) // self.workers))
         try:
             if executor:
                 self._drain(executor)
@@ -437,8 +439,3 @@ def _check_ids(jobs: Sequence[Job], folder: Path) -> None:
         if job.case_id in seen:
             raise ValueError(f"two cases of this study have the id {job.case_id!r}")
         seen.add(job.case_id)
-
-
-def _local(count: int) -> workers.LocalWorkers:
-    """Return the threads per worker, which a resumed run reproduces, so that numbers repeat."""
-    return workers.LocalWorkers(count, max(1, default_jobs(1 << 30) // count))

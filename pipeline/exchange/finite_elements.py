@@ -154,7 +154,7 @@ def aster(case: Case, part: str, output: Path, log: Log) -> list[Path]:
         write_med(raw_mesh(part_mesh), temporary, mesh_name(part_mesh))
     bounds = _bounds(case, part_mesh, log)
     write_file(comm, commands(part_mesh, bounds).encode())
-    write_file(export, export_file(stem.name).encode())
+    write_file(export, rendered("aster.export.j2", name=stem.name).encode())
     write_file(note, _note(part_mesh, stem.name).encode())
     log.info(f"run it with: run_aster {export.name}")
     return [med, comm, export, note]
@@ -186,10 +186,7 @@ def raw_mesh(part_mesh: Exchange) -> RawMesh:
     named = np.unique(np.concatenate(list(part_mesh.faces.values())))
     place = np.full(len(part_mesh.facets.nodes), -1)
     place[named] = np.arange(len(named))
-    blocks = [
-        (VOLUME[kind], mesh.cells[:, local_nodes(*kind)]),
-        (FACET[kind], part_mesh.facets.nodes[named]),
-    ]
+    blocks = [(VOLUME[kind], mesh.cells[:, local_nodes(*kind)]), (FACET[kind], part_mesh.facets.nodes[named])]
     groups = {name: {0: cells} for name, cells in part_mesh.volumes.items()}
     groups |= {name: {1: place[facets]} for name, facets in part_mesh.faces.items()}
     return RawMesh(mesh.nodes, blocks, groups, {NODES + name: part_mesh.nodes_of(name) for name in part_mesh.faces})
@@ -215,11 +212,6 @@ def _orthotropic(material: Material) -> dict[str, float]:
         | {f"NU_{pair}": float(-s[i, j] / s[i, i]) + 0.0 for pair, i, j, _ in pairs}
         | {f"G_{pair}": float(1.0 / s[place, place]) for pair, _, _, place in pairs}
     )
-
-
-def export_file(name: str) -> str:
-    """Render the file for run_aster: parameters, input files (D) and results (R) with their units, relative paths."""
-    return rendered("aster.export.j2", name=name)
 
 
 def calculix(case: Case, part: str, output: Path, log: Log) -> list[Path]:

@@ -477,12 +477,11 @@ def apart(hz: FloatArray, error: float) -> list[IntArray]:
 
 def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
     """Find the target mode of the assembled plate as `antinode modes` does, and report progress to a log."""
+    from pipeline.models import modes
     from pipeline.planning.model_choice import of_case
 
     case = scene.at(given)
     case = replace(case, solve=case.solve.but(model="auto"))
-    from pipeline.models import modes
-
     solved = modes.solve_modes(case, of_case(case), log)
     row = solved.target_row
     if row is None:

@@ -168,10 +168,7 @@ def _windows(design: Design, limit: Limit) -> Plain:
 
 
 def _finite(design: Design) -> Plain:
-    """What the finite plate and its bars are made with: `solvers.parametric.finite`, `pipeline.models.live_column`.
-
-    sides goes with the square of a thickness in m, layer with the thickness.
-    """
+    """What the finite plate and its bars are made with; sides goes with a thickness' square in m2, layer with the thickness."""
     thickness, wavenumbers = design.thickness_m, finite.wavenumbers(design).tolist()
     thin, tried = thin_error(design.nodal_lines), live_column.tried_up_to_hz(design, (0.0, 1.0))
     return {

@@ -316,13 +316,9 @@ def _result(solved: Future[Document]) -> Document:
 
 
 def _solved(solve: Solve, scene: Scene, design: dict[str, float], file: Path) -> Document:
-    from geometry.errors import GeometryError, MeshError
-    from pipeline.errors import InputError
-    from solvers.errors import SolverError
-
     try:
         return solve(scene, design, FileLog(file))
-    except (InputError, SolverError, MeshError, GeometryError, MemoryError) as fault:
+    except (*REFUSED, MemoryError) as fault:
         return {"why_not": " ".join(str(fault).split())}
 
 

@@ -164,15 +164,11 @@ def _identified(identified: Resonance) -> dict[str, Any]:
         "frequency_hz": identified.frequency_hz,
         "quality_factor": identified.quality_factor,
         "frequency_error": circle and circle.frequency_error,
-        "quality_error": circle and _times(circle.quality_error, circle.plant.quality_factor),
+        "quality_error": circle and circle.quality_error and circle.quality_error * circle.plant.quality_factor,
         "quality_factor_half_power": identified.half_power_quality_factor,
         "circle": None if circle is None else circle.to_dict() | {"fitted_hz": [identified.low_hz, identified.high_hz]},
         "no_circle": identified.trouble,
     }
-
-
-def _times(error: float | None, factor: float) -> float | None:
-    return None if error is None else error * factor
 
 
 def _map(

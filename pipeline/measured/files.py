@@ -324,10 +324,7 @@ def _universal_sweep(path: Path) -> MeasuredSweep:
 
 
 def _universal_field(path: Path, design: Design) -> MeasuredField:
-    """Read every node's response at the frequency of the largest total motion.
-
-    Raises InputError for nodes without coordinates, outside the plate, or with several responses.
-    """
+    """Every node's response at the frequency of the largest motion; InputError for nodes without a place on the plate."""
     responses, places = _read(path)
     curves = [_curve(each, path) for each in responses]
     frequency = curves[0][0]

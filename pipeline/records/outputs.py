@@ -27,10 +27,8 @@ DOCUMENTS = ("json", "csv", "markdown")  # documents written to a file or, one o
 FORMULA = ("=", "+", "-", "@", "\t", "\n")  # first characters of a formula in some spreadsheets
 RIGID = 1e-4  # relative to the largest frequency of a table: a smaller one with an error bar of 0 is a rigid-body wave
 UNREAD = ("residual",)  # for checking a solver: only in files
-
 # error bars that set the digits, and appear only in files
 UNREAD_BARS = re.compile(r"band_\d+_error|(zone_share|mac|strength)_error")
-
 OF_ITS_OWN = ("quantity", "value")  # columns with the name of a figure, and its value
 
 BARS = {  # error bars not named after their figure
@@ -56,11 +54,7 @@ class Form(NamedTuple):
 
 
 PERCENT = Form("%", 100.0)
-
-
 GIVEN_HZ = Form("kHz", 1e-3, is_given=True)
-
-
 ENDINGS = {
     "_error_db": Form("dB"),
     "_rms_error_m_per_V": Form("nm/V", 1e9),
@@ -72,11 +66,7 @@ ENDINGS = {
     "_db": Form("dB"),
     "_mm": Form("mm", is_given=True),
 }
-
-
 KHZ, MS = ENDINGS["_hz"], Form("ms", 1e3)
-
-
 NAMES = {
     "frequency_hz": ("frequency", GIVEN_HZ),
     "detuning_hz": ("detuning", GIVEN_HZ),

@@ -160,9 +160,7 @@ def identify(sweep: Sweep, sensor: Sensor = "velocity", delay_s: float = 0.0) ->
 def _by_scatter(
     frequencies_hz: FloatArray, straight: ComplexArray, plant: ModePlant, background: complex
 ) -> tuple[float | None, float | None]:
-    """Relative half-widths of frequency and quality factor: SIGMAS deviations of a least-squares fit of f0, tau, gain and
-    background whose points scatter about it alike and independently.
-    """
+    """Relative half-widths of frequency and quality factor: SIGMAS deviations of a fit of f0, tau, gain and background."""
     omega, own = 2.0 * pi * frequencies_hz, plant.omega_rad_s
     fall = 1.0 / (1.0 + 1j * plant.tau_s * stretched_detuning(omega, own))
     by_tau = -1j * plant.gain * plant.tau_s * stretched_detuning(omega, own) * fall**2

@@ -235,17 +235,13 @@ class _Geometry:
         coupling = tensor[..., i, :, j, :]
         out = np.zeros((len(self.mesh.cells), self.count**2))
         local = coupling[self.affine] if coupling.ndim == 3 else coupling
-        metric = self._metric(local)
+        # G_mn = det J (d xi_m / d x_k) C_kl (d xi_n / d x_l)
+        metric = self.inverse @ local @ self.inverse.transpose(0, 2, 1) * self.volume[:, None, None]
         out[self.affine] = metric.reshape(len(self.affine), 9) @ self.reference_stiffness
         curved = self.curved[coupling[self.curved].any(axis=(1, 2))] if coupling.ndim == 3 else self.curved
         if len(curved):
             out[curved] = self._curved_stiffness(coupling, curved)
         return out
-
-    def _metric(self, coupling: FloatArray) -> FloatArray:
-        """G_mn = det J (d xi_m / d x_k) C_kl (d xi_n / d x_l), shape (e, 3, 3)."""
-        left = self.inverse @ coupling
-        return np.asarray((left @ self.inverse.transpose(0, 2, 1)) * self.volume[:, None, None])
 
     def _curved_stiffness(self, coupling: FloatArray, curved: IntArray) -> FloatArray:
         rule = self.mesh.element.quadrature

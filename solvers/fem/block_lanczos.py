@@ -24,62 +24,6 @@ EVERY = 2  # blocks between looks at the residuals
 Operator = Callable[[FloatArray], FloatArray]
 
 
-def fits(size: int, count: int) -> bool:
-    """Test whether the whole basis fits into the memory for it.
-
-    Parameters
-    ----------
-    size : int
-        Degrees of freedom.
-    count : int
-        Number of eigenpairs.
-
-    Returns
-    -------
-    bool
-        True if it may be kept.
-    """
-    return WIDE * count <= size and 16.0 * size * basis_size(size, count) <= BYTES
-
-
-def slice_of(size: int) -> int:
-    """Choose the largest number of eigenpairs to compute from one shift.
-
-    As many as a basis that is kept whole holds, since each further shift costs three factorisations, as long as
-    orthogonalisation is the smaller part.
-
-    Parameters
-    ----------
-    size : int
-        Degrees of freedom.
-
-    Returns
-    -------
-    int
-        Number of eigenpairs.
-    """
-    fitting = min((BYTES / (16.0 * size) - 24 * BLOCK) / MAX_COUNT, size / WIDE)
-    return int(min(max(fitting / 1.1 - 4, SLICE), MAX_SLICE))
-
-
-def basis_size(size: int, count: int) -> int:
-    """Return the number of vectors that the basis may grow to.
-
-    Parameters
-    ----------
-    size : int
-        Degrees of freedom.
-    count : int
-        Number of eigenpairs.
-
-    Returns
-    -------
-    int
-        At most `size`.
-    """
-    return min(size, int(MAX_COUNT * count) + 24 * BLOCK)
-
-
 def block_lanczos(
     inverse: Operator, mass: Operator, size: int, count: int, tolerance: float = TOLERANCE
 ) -> tuple[FloatArray, FloatArray] | None:
@@ -101,8 +45,8 @@ def block_lanczos(
     tuple of ndarray, shapes (count,) and (size, count), or None
         Eigenvalues of the inverse and M-orthonormal vectors; None if the basis would grow too large.
     """
-    most = basis_size(size, count)
-    basis = _Basis(size, most, mass)
+    most = Basis.most(size, count)
+    basis = Basis(size, most, mass)
     basis.append(inverse(mass(_start(size))))
     projected = np.zeros((most, most))
     first, turn = 0, 0
@@ -139,8 +83,28 @@ def _converged(
     return values[order], mix[:, order]
 
 
-class _Basis:
+class Basis:
     """M-orthonormal vectors (size, count) and M times them, filled block by block."""
+
+    @staticmethod
+    def most(size: int, count: int) -> int:
+        """Vectors that a basis for `count` eigenpairs of `size` degrees of freedom may grow to."""
+        return min(size, int(MAX_COUNT * count) + 24 * BLOCK)
+
+    @staticmethod
+    def fits(size: int, count: int) -> bool:
+        """Whether the whole basis fits into the memory for it."""
+        return WIDE * count <= size and 16.0 * size * Basis.most(size, count) <= BYTES
+
+    @staticmethod
+    def slice_of(size: int) -> int:
+        """The largest number of eigenpairs to compute from one shift.
+
+        As many as a basis that is kept whole holds, since each further shift costs three factorisations, as long as
+        orthogonalisation is the smaller part.
+        """
+        fitting = min((BYTES / (16.0 * size) - 24 * BLOCK) / MAX_COUNT, size / WIDE)
+        return int(min(max(fitting / 1.1 - 4, SLICE), MAX_SLICE))
 
     def __init__(self, size: int, most: int, mass: Operator) -> None:
         self.mass, self.count, self.heaviest = mass, 0, 0.0

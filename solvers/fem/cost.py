@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TypeVar
 
-from solvers.fem.block_lanczos import basis_size, fits, slice_of
+from solvers.fem.block_lanczos import Basis
 from solvers.machine import factorisations
 
 # -- fill of nested dissection -----------------------------------------------------------------------------------------
@@ -279,13 +279,13 @@ def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: boo
         Memory in bytes by stage, and operations.
     """
     kept = FACTOR[factorisations()[0]][1] * fill.entries + COPY * entries
-    most = slice_of(max(round(dofs), 1))
+    most = Basis.slice_of(max(round(dofs), 1))
     at_once = modes if near else min(modes, most)
     if modes >= dofs - 1.0:
         return Cost((Stage("a dense eigen-solve", 6.0 * 8.0 * dofs**2),), 10.0 * dofs**3, round(dofs))
     size, count = round(dofs), max(1, round(1.1 * at_once) + 4)
-    block = min(basis_size(size, count), BASIS * count + 64.0)
-    basis = 16.0 * size * block if fits(size, count) else 8.0 * size * (3.0 * count + 32.0)
+    block = min(Basis.most(size, count), BASIS * count + 64.0)
+    basis = 16.0 * size * block if Basis.fits(size, count) else 8.0 * size * (3.0 * count + 32.0)
     slices = max(1.0, modes / most) if not near else 1.0
     stages = (
         Stage("the Lanczos vectors", kept + basis + 16.0 * size * modes),

@@ -17,7 +17,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.errors import CountMismatch, SingularShift, SolverError
 from solvers.fem.assembly import Scale
-from solvers.fem.block_lanczos import Operator, block_lanczos, fits, slice_of
+from solvers.fem.block_lanczos import Basis, Operator, block_lanczos
 from solvers.fem.factor import Factor, Factoriser
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
@@ -54,6 +54,16 @@ class PlainPencil:
     def apply_mass(self, vectors: FloatArray) -> FloatArray:
         """M x."""
         return np.asarray(self.mass @ vectors)
+
+    def without(self, solve: Operator, vectors: FloatArray) -> Operator:
+        """The solve with M-orthonormal eigenvectors (dof, k) projected out before and after it."""
+        weighted = self.apply_mass(vectors)
+
+        def deflated(right: FloatArray) -> FloatArray:
+            solution = solve(right - weighted @ (vectors.T @ right))
+            return np.asarray(solution - vectors @ (weighted.T @ solution))
+
+        return deflated
 
 
 @dataclass(frozen=True)
@@ -114,12 +124,7 @@ class Modes:
     factorisations: int
 
 
-def modes_in_band(
-    pencil: PlainPencil,
-    low_hz: float,
-    high_hz: float,
-    backend: str | Shared | None = None,
-) -> Modes:
+def modes_in_band(pencil: PlainPencil, low_hz: float, high_hz: float, backend: str | Shared | None = None) -> Modes:
     """Compute every elastic mode in a frequency band.
 
     Parameters
@@ -475,19 +480,9 @@ class _Solver:
             if clean.all() or not clean.any():
                 break
             kept = vectors[:, clean]
-            more, missing = self._krylov(self._without(solve, kept), shift, count - kept.shape[1])
+            more, missing = self._krylov(self.pencil.without(solve, kept), shift, count - kept.shape[1])
             values, vectors = _ascending(np.append(values[clean], more), np.hstack([kept, missing]))
         return values, vectors
-
-    def _without(self, solve: Operator, vectors: FloatArray) -> Operator:
-        """The solve with M-orthonormal eigenvectors (dof, k) projected out before and after it."""
-        weighted = self.pencil.apply_mass(vectors)
-
-        def deflated(right: FloatArray) -> FloatArray:
-            solution = solve(right - weighted @ (vectors.T @ right))
-            return np.asarray(solution - vectors @ (weighted.T @ solution))
-
-        return deflated
 
     def images(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
         """K x and M x, (dof, k) each; kept for the last vectors, since for many columns they cost as much as a solve."""
@@ -512,7 +507,7 @@ class _Solver:
     def _krylov(self, solve: Operator, shift: float, count: int) -> tuple[FloatArray, FloatArray]:
         """`count` eigenpairs nearest to the shift, ascending, from a fixed start vector."""
         size = self.pencil.dof
-        converged = block_lanczos(solve, self.pencil.apply_mass, size, count) if fits(size, count) else None
+        converged = block_lanczos(solve, self.pencil.apply_mass, size, count) if Basis.fits(size, count) else None
         if converged is not None:
             return self._quotients(converged[1])
         basis = min(size, max(2 * count + 1, count + 32))
@@ -541,7 +536,7 @@ class _Solver:
         expected = below_high - below_low
         if expected <= 0:
             return np.empty(0), np.empty((self.pencil.dof, 0))
-        if expected > slice_of(self.pencil.dof):
+        if expected > Basis.slice_of(self.pencil.dof):
             return self._halves(low, high, below_low, below_high)
         # half-way in lambda: the pairs nearest to the shift are then those of the band, not those below it
         shifts = self.factors(0.5 * (low + high), SEARCHED)
@@ -592,15 +587,17 @@ class _Solver:
         expected: int,
     ) -> tuple[FloatArray, FloatArray]:
         """Second pass: solve again with the modes found projected out, so that lost members of clusters appear."""
-        more, missing = self._inside(self._without(factor.solve, vectors), shift, low, high, expected - len(values) + 6)
+        more, missing = self._inside(
+            self.pencil.without(factor.solve, vectors), shift, low, high, expected - len(values) + 6
+        )
         fresh = np.linalg.norm(vectors.T @ self.pencil.apply_mass(missing), axis=0) < 0.5
         return _ascending(np.append(values, more[fresh]), np.hstack([vectors, missing[:, fresh]]))
 
     def _halves(self, low: float, high: float, below_low: int, below_high: int) -> tuple[FloatArray, FloatArray]:
         """Split at a count-balancing shift: bisect until each part holds a fair share."""
-        left, right = low, high
+        left, right = max(low, 0.0), high
         for _ in range(8):
-            middle = _middle(left, right)
+            middle = ((left**0.5 + right**0.5) / 2.0) ** 2  # half-way in frequency
             below = self.count_below(middle)
             share = (below - below_low) / (below_high - below_low)
             if 0.25 <= share <= 0.75:
@@ -661,8 +658,3 @@ class _Solver:
 def _ascending(values: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
     order = np.argsort(values, kind="stable")
     return values[order], vectors[:, order]
-
-
-def _middle(low: float, high: float) -> float:
-    """The eigenvalue half-way in frequency."""
-    return float(((np.sqrt(max(low, 0.0)) + np.sqrt(high)) / 2.0) ** 2)

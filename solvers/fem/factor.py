@@ -539,10 +539,7 @@ def _meeting(low: IntArray, high: IntArray, parent: IntArray) -> IntArray:
 
 
 def _minimum_degree(graph: sp.csc_array) -> IntArray:
-    """Turn of every vertex in SuperLU's own minimum-degree order.
-
-    An incomplete factorisation that drops everything costs little more than the ordering it begins with.
-    """
+    """Turn of every vertex in SuperLU's minimum-degree order, by an incomplete factorisation that drops everything."""
     ones = sp.csc_array((np.full(graph.nnz, -1.0), graph.indices, graph.indptr), shape=graph.shape)
     dominant = sp.csc_array(ones + sp.diags_array(np.diff(graph.indptr) + 2.0))
     with one_thread():

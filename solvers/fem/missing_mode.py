@@ -46,13 +46,7 @@ def largest_outside(
     missing = max(0.0, 1.0 - float(np.square(vectors.T @ load).sum()))
     kept = shared.near if shared.near and reach[0] < shared.near[1] < reach[1] else None
     factor, shift = kept or factor_near(pencil, 0.5 * (reach[0] + reach[1]), shared.factorise)
-    heavy = pencil.apply_mass(vectors)
-
-    def solve(right: FloatArray) -> FloatArray:
-        moved = factor.solve(right - heavy @ (vectors.T @ right))
-        return np.asarray(moved - vectors @ (heavy.T @ moved))
-
-    alpha, beta, shares = _lanczos(pencil, solve, load)
+    alpha, beta, shares = _lanczos(pencil, pencil.without(factor.solve, vectors), load)
     if kept is None:
         factor.free()
     gram = np.eye(len(shares) + 1)

@@ -502,12 +502,7 @@ def skin_faces(mesh: AnyMesh) -> IntArray:
         (local,) = mesh.element.facets
         facets = mesh.cells[:, local].reshape(-1, local.shape[1])
         return _corners(mesh.nodes, facets[_once(corner_ring(facets, mesh.order))], mesh.order)
-    shapes: dict[int, list[IntArray]] = {3: [], 4: []}
-    for block in mesh.blocks:
-        for local in block.element.facets:
-            ring = corner_ring(local, block.order)
-            shapes[ring.shape[1]].append(block.cells[:, ring].reshape(-1, ring.shape[1]))
-    outer = [corners[_once(corners)] for corners in (np.concatenate(each) for each in shapes.values() if each)]
+    outer = sorted((corners for corners, _ in boundary_facets(mesh)), key=lambda corners: corners.shape[1])
     return outer[0] if len(outer) == 1 else np.concatenate([outer[0][:, [0, 1, 2, 2]], outer[1]])
 
 

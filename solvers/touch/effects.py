@@ -15,7 +15,9 @@ the roots of their weights.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import acos, cos, pi, sin, sqrt
+from functools import cache
+from itertools import product
+from math import acos, cos, gamma, pi, sin, sqrt
 
 import numpy as np
 import scipy.linalg
@@ -29,13 +31,18 @@ from solvers.piezo.responses import face_motion, ritz_modes
 from solvers.superelement.bond import mirror_signs
 from solvers.superelement.plate import WHOLE
 from solvers.touch import touched_plate
-from solvers.touch.touched_plate import TouchedPlate, rms, with_loads
+from solvers.touch.touched_plate import TouchedPlate, with_loads
 
 PASSES, STEPS = 30, 12  # steps: of the linearised problem, of inverse iteration
 SLIGHT = 1e-6  # relative step of a derivative
 NEAR, SETTLED = 1e-4, 1e-12  # relative change of an eigenvalue between them
 
 COPIES = 6  # of a group's loads that are held at once: loads, residual vectors, slopes, and the three stacked
+
+SPAN = (2, 6)  # of a map's lattice over a radius, at least and at most
+RULE_ENOUGH = 1e-2  # of a map's mean over a contact
+EDGE = 0.1  # of a lattice's spacing: from its outermost points to the disk's rim
+LEAST = 0.1  # of an even share: the smallest weight of a rule
 
 PRESSURE_PA = 101325.0
 VISCOSITY_PA_S = 1.81e-5  # of air at 20 C
@@ -285,7 +292,7 @@ class Places:
             block = scaled[:, None] * receptance[np.ix_(loads, loads)] * scaled
             answer = touched.loads_of(block, stiffness)
             motion = block[count:] @ answer
-            before[i, j], moved[i, j] = rms(root * own), rms(motion)
+            before[i, j], moved[i, j] = np.linalg.norm(root * own), np.linalg.norm(motion)
             under[i, j], change[i, j] = root @ motion, points.slope_weights @ (motion / root - own)
             heard[i, j] = answer[touched.sensors]
         inner = field.reshape(nx + 2 * reach, ny + 2 * reach)[reach:-reach, reach:-reach]
@@ -410,7 +417,7 @@ def lattice(design: Design, touched: TouchedPlate, high_hz: float | None = None)
     """
     radius = touched.finger.radius_m
     wavenumber = touched.finger.wavenumber_per_m(design, high_hz or touched.band_hz[1])
-    steps, weights, share = touched_plate.lattice_rule(touched_plate.steps_of(radius * wavenumber))
+    steps, weights, share = _lattice_rule(_steps_of(radius * wavenumber))
     spacing, reach = share * radius, int(steps.max())
     ends = (design.half_length_m - radius, design.bare_touch_m - radius)
     counts = [int(max(end, 0.0) / spacing) + reach for end in ends]
@@ -564,3 +571,43 @@ def _distinct(points_m: FloatArray) -> tuple[FloatArray, IntArray]:
     folded = np.asarray(np.round(np.abs(points_m), 12), dtype=float)
     distinct, which = np.unique(folded, axis=0, return_inverse=True)
     return distinct, which.ravel()
+
+
+@cache
+def _lattice_rule(steps: int) -> tuple[IntArray, FloatArray, float]:
+    """A rule for the mean over a disk on a square lattice: steps (p, 2) from the middle, weights (p,), spacing over the radius.
+
+    It has all points of the disk, and the weights nearest to even ones that are exact to a degree. The degree is the
+    highest that leaves each weight above LEAST of an even share.
+    """
+    each = range(-steps, steps + 1)
+    places = np.array([(i, j) for i, j in product(each, each) if i * i + j * j <= steps * steps])
+    spacing = 1.0 / (steps + EDGE)
+    for degree in range(2 * steps - 1, 0, -2):
+        weights = _weights(places * spacing, degree)
+        if weights.min() * len(places) >= LEAST:
+            break
+    return places, weights, spacing
+
+
+def _steps_of(wavenumber_radius: float) -> int:
+    """Steps over a radius, within SPAN, for the mean of a product of two waves k R; the most may miss more than RULE_ENOUGH."""
+    low, high = SPAN
+    needed = (
+        n for n in range(low, high) if touched_plate.left_beyond(2.0 * wavenumber_radius, 2 * n - 1) <= RULE_ENOUGH
+    )
+    return next(needed, high)
+
+
+def _weights(points: FloatArray, degree: int) -> FloatArray:
+    """Weights (p,) nearest to even ones whose means of even powers up to a degree are the disk's."""
+    powers = [(a, b) for a in range(0, degree + 1, 2) for b in range(0, degree + 1 - a, 2)]
+    values = np.array([points[:, 0] ** a * points[:, 1] ** b for a, b in powers])
+    even = np.full(len(points), 1.0 / len(points))
+    exact = np.array([_mean(a, b) for a, b in powers])
+    return np.asarray(even + np.linalg.lstsq(values, exact - values @ even, rcond=None)[0])
+
+
+def _mean(a: int, b: int) -> float:
+    """Mean of x^a y^b over the unit disk, for even powers."""
+    return 2.0 * gamma((a + 1) / 2) * gamma((b + 1) / 2) / (pi * (a + b + 2) * gamma((a + b) / 2 + 1))

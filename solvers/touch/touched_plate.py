@@ -5,15 +5,14 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import product
-from math import factorial, gamma, pi
+from math import factorial, pi
 from typing import Self
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.special import eval_jacobi, roots_legendre
 
-from geometry.elements import ComplexArray, FloatArray, IntArray
+from geometry.elements import ComplexArray, FloatArray
 from geometry.errors import MeshError
 from geometry.fingertips import Fingertip
 from geometry.hex.boxes import bonded_boxes, hex_mesh
@@ -34,23 +33,13 @@ from solvers.superelement.bond import Contact, JoinedPanels, Panels, positive_pa
 from solvers.superelement.plate import AssembledPlate
 
 # -- integrals over the disk -------------------------------------------------------------------------------------------
-# Integrals over a finger's disk: means against Zernike polynomials, and rules of points on a square lattice.
+# Integrals over a finger's disk: means against Zernike polynomials.
 # Zernike polynomials Z_j are orthonormal in the mean over the disk: with c_j the mean of u Z_j, the mean of |u|^2 is
 # sum |c_j|^2 as soon as their degree follows u. A wave number k on a radius R leaves (k R/2)^(n+1)/(n+1)! beyond
 # degree n, the leading term of the Bessel function J_(n+1)(k R) in the expansion of a plane wave (noll1976).
 
 ENOUGH = 1e-3  # of the motion: what the degree may miss; the error of a frequency or a loss is then its square
 DEGREES = (4, 16)  # at least and at most
-STEPS = (2, 6)  # of a map's lattice over a radius, at least and at most
-RULE_ENOUGH = 1e-2  # of a map's mean over a contact
-EDGE = 0.1  # of a lattice's spacing: from its outermost points to the disk's rim
-LEAST = 0.1  # of an even share: the smallest weight of a rule
-
-
-def _degree_of(wavenumber_radius: float, enough: float = ENOUGH) -> int:
-    """Degree of the polynomials that follow waves k on a radius R within `enough`, for k R; bounded by DEGREES."""
-    low, high = DEGREES
-    return next((n for n in range(low, high) if left_beyond(wavenumber_radius, n) <= enough), high)
 
 
 def left_beyond(wavenumber_radius: float, degree: int) -> float:
@@ -106,69 +95,6 @@ def _disk_means(degree: int, finer: int = 0) -> tuple[FloatArray, FloatArray]:
     return points, _zernike(degree, points) * weights
 
 
-@cache
-def lattice_rule(steps: int) -> tuple[IntArray, FloatArray, float]:
-    """Return a rule for the mean over a disk on the points of a square lattice.
-
-    It has all points of the disk, and the weights nearest to even ones that are exact to a degree. The degree is the
-    highest that leaves each weight above LEAST of an even share.
-
-    Parameters
-    ----------
-    steps : int
-        Steps of the lattice from the middle to the outermost point.
-
-    Returns
-    -------
-    places : ndarray, shape (p, 2)
-        Lattice steps of the points from the middle.
-    weights : ndarray, shape (p,)
-        Weights of the mean, sum 1.
-    spacing : float
-        Spacing of the lattice relative to the radius.
-    """
-    each = range(-steps, steps + 1)
-    places = np.array([(i, j) for i, j in product(each, each) if i * i + j * j <= steps * steps])
-    spacing = 1.0 / (steps + EDGE)
-    for degree in range(2 * steps - 1, 0, -2):
-        weights = _weights(places * spacing, degree)
-        if weights.min() * len(places) >= LEAST:
-            break
-    return places, weights, spacing
-
-
-def steps_of(wavenumber_radius: float) -> int:
-    """Return the steps of a map's lattice over a radius for the mean of a product of two waves.
-
-    Parameters
-    ----------
-    wavenumber_radius : float
-        Wavenumber times radius, k R, dimensionless.
-
-    Returns
-    -------
-    int
-        Steps within STEPS; the upper end may miss more than RULE_ENOUGH.
-    """
-    low, high = STEPS
-    needed = (n for n in range(low, high) if left_beyond(2.0 * wavenumber_radius, 2 * n - 1) <= RULE_ENOUGH)
-    return next(needed, high)
-
-
-def _weights(points: FloatArray, degree: int) -> FloatArray:
-    """Weights (p,) nearest to even ones whose means of even powers up to a degree are the disk's."""
-    powers = [(a, b) for a in range(0, degree + 1, 2) for b in range(0, degree + 1 - a, 2)]
-    values = np.array([points[:, 0] ** a * points[:, 1] ** b for a, b in powers])
-    even = np.full(len(points), 1.0 / len(points))
-    exact = np.array([_mean(a, b) for a, b in powers])
-    return np.asarray(even + np.linalg.lstsq(values, exact - values @ even, rcond=None)[0])
-
-
-def _mean(a: int, b: int) -> float:
-    """Mean of x^a y^b over the unit disk, for even powers."""
-    return 2.0 * gamma((a + 1) / 2) * gamma((b + 1) / 2) / (pi * (a + b + 2) * gamma((a + b) / 2 + 1))
-
-
 # -- plate and finger --------------------------------------------------------------------------------------------------
 # A driven plate under a fingertip: moments of its pressure on a disk of the touch face, in addition to the patches.
 # The skin reacts locally, with the pressure -Z/A du_z/dt on a disk of area A. In polynomials Z_j that are orthonormal
@@ -219,7 +145,9 @@ class Finger:
     def following(self, design: Design, frequency_hz: float) -> Finger:
         """Return the finger with the degree that the plate's waves up to a frequency need."""
         reach = self.radius_m * self.wavenumber_per_m(design, frequency_hz)
-        return replace(self, degree=_degree_of(reach))
+        low, high = DEGREES
+        degree = next((n for n in range(low, high) if left_beyond(reach, n) <= ENOUGH), high)
+        return replace(self, degree=degree)
 
 
 class TouchedPlate(ForcedPlate):
@@ -337,22 +265,6 @@ class TouchedPlate(ForcedPlate):
         return np.asarray(moved if self.missing is None else moved + self.missing @ loads[len(self.plate.patches) :])
 
 
-def rms(moments: ComplexArray) -> float:
-    """Return the root of the mean square over the contact from the moments of peak amplitudes.
-
-    Parameters
-    ----------
-    moments : ndarray, shape (m,)
-        Means of u_z times each polynomial, or motions at the points of a rule times the roots of its weights.
-
-    Returns
-    -------
-    float
-        Spatial rms of the peak amplitude, in the unit of the moments.
-    """
-    return float(np.linalg.norm(moments))
-
-
 def integration_error(plate: TouchedPlate, frequency_hz: float) -> float:
     """Estimate the error of the motion's moments over the contact due to the rule of points and to the polynomials.
 
@@ -376,7 +288,10 @@ def integration_error(plate: TouchedPlate, frequency_hz: float) -> float:
     square = float(weights[0] @ np.abs(moved) ** 2)  # the first polynomial is 1
     if not square:
         return 0.0
-    by_rule, missed = rms(weights @ moved - own) / np.sqrt(square), 1.0 - rms(own) / np.sqrt(square)
+    by_rule, missed = (
+        np.linalg.norm(weights @ moved - own) / np.sqrt(square),
+        1.0 - np.linalg.norm(own) / np.sqrt(square),
+    )
     return float(by_rule + abs(missed))
 
 
@@ -482,7 +397,7 @@ def power(touched: TouchedPlate, frequency_hz: float, loss_tangent: float | None
         amplitudes = basis.amplitudes(eigenvalue, loads)
         modal += float((amplitudes.conj() @ basis.lost_at(eigenvalue) @ amplitudes).real)
     finger = touched.finger
-    amplitude = rms(touched.contact_motion(frequency_hz))
+    amplitude = float(np.linalg.norm(touched.contact_motion(frequency_hz)))
     return Power(
         patches_w=0.5 * float((volts.conj() @ current).real),
         plate_w=0.5 * omega * plate.stiffness_unit * modal,

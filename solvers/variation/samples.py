@@ -84,11 +84,7 @@ class PlateSpace:
 
 
 def _orthonormal(basis: GroupModes, more: FloatArray) -> GroupModes:
-    """The basis with M-orthonormal columns: modes stay as they are, answers to the loads and `more` (dof, k) become what they
-    add to them.
-
-    Columns of no load drop out.
-    """
+    """The basis with M-orthonormal columns: modes as they are, answers and `more` (dof, k) as what they add to them."""
     pencil, modes = basis.group.pencil, len(basis.eigenvalue)
     own, residual = np.split(np.hstack([basis.columns, more]), [modes], axis=1)
     residual = residual - own @ (own.T @ pencil.apply_mass(residual))
@@ -196,10 +192,7 @@ Pulls = list[tuple[int, FloatArray]]
 def _derivative_shapes(
     forced: ForcedPlate, families: Mapping[Signature, CellFamily], deviations: float
 ) -> list[FloatArray]:
-    """Answers of every group, (dof, k) each, to a change of each pillar by one standard deviation.
-
-    Families reach to this number of `deviations`. There are no answers where the band holds no target mode.
-    """
+    """Answers of every group, (dof, k) each, to a change of each pillar by a standard deviation; none without a target mode."""
     place = forced.target_place()
     if place is None:
         return [np.zeros((len(basis.columns), 0)) for basis in forced.all_modes]

@@ -34,7 +34,7 @@ FREE = {  # files, and why digits are fixed there
     "pipeline/report/html.py": "values of a script, which alone knows their bars",
     "pipeline/records/tables.py": "ten digits of a file, far below any bar",
     "pipeline/exchange/finite_elements.py": "a file of another program",
-    "pipeline/exchange/results.py": "files of other programs",
+    "pipeline/exchange/exports.py": "files of other programs",
     "pipeline/measured/synthetic.py": "a file of made-up measurements",
 }
 

@@ -17,7 +17,7 @@ from pipeline.questions.question import ask
 from pipeline.questions.response import Response
 from pipeline.questions.travel import Travel
 from solvers.piezo import patch as piezo_patch
-from solvers.touch import touched_plate
+from solvers.touch import effects
 from tests.helpers.asked import crosstalk_of, touch_of
 from tests.helpers.coarse_cells import COARSE, COARSEST_PATCH
 from tests.helpers.scenes import STEEL_PILLARS
@@ -149,7 +149,7 @@ def test_a_travelling_wave_and_its_shear_lie_within_their_bars_of_a_finer_plate_
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Both plates hold the pair as their own modes take it."""
-    monkeypatch.setattr(touched_plate, "STEPS", (2, 2))  # few points, on both
+    monkeypatch.setattr(effects, "SPAN", (2, 2))  # few points, on both
     coarse, fine = both(WAVE, lambda case, log, **given: ask(case, Travel(**given), log), monkeypatch, others=0.0)
     for name, error in (*travelling.FIGURES.items(), *travelling.LISTS.items()):
         if name != "field_m" and getattr(coarse, name) is not None:

@@ -147,11 +147,7 @@ def _bands(basis: Any, stiffness: Any, mass: Any, task: dict[str, Any], start: f
     before = seconds()
     at(edge * np.array(task["between"]))
     each = seconds() - before
-    return {
-        "frequencies_hz": frequencies_hz,
-        "dofs": dofs,
-        "seconds": ready + task["wavevectors"] * each,
-    }
+    return {"frequencies_hz": frequencies_hz, "dofs": dofs, "seconds": ready + task["wavevectors"] * each}
 
 
 def calculix(task: dict[str, Any]) -> dict[str, Any]:

@@ -17,9 +17,9 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, cell_volumes, check_mesh
 from geometry.tet import mesher
-from geometry.tet.mesher import tet_mesh
+from geometry.tet.mesher import _tet_quality, tet_mesh
 from geometry.tet.scenes import _mirror_mesh, _whole, tet_cell, tet_pillar, tet_plate, tet_zone
-from geometry.tet.tetwild import NearSegments, tet_quality, tetrahedralize
+from geometry.tet.tetwild import NearSegments, tetrahedralize
 
 ALUMINIUM, BRASS = MATERIALS["aluminium"], MATERIALS["brass"]
 MM2, MM3 = 1e-6, 1e-9
@@ -366,10 +366,10 @@ def test_the_mesher_leaves_no_file_and_says_nothing(tmp_path, monkeypatch, capfd
 
 def test_quality_of_known_tetrahedra():
     regular = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
-    assert abs(tet_quality(regular, np.array([[0, 1, 2, 3]]))[0]) == pytest.approx(1.0)
-    assert tet_quality(regular, np.array([[0, 1, 2, 3], [1, 0, 2, 3]])).sum() == pytest.approx(0.0)
+    assert abs(_tet_quality(regular, np.array([[0, 1, 2, 3]]))[0]) == pytest.approx(1.0)
+    assert _tet_quality(regular, np.array([[0, 1, 2, 3], [1, 0, 2, 3]])).sum() == pytest.approx(0.0)
     regular[3] = regular[:3].mean(axis=0)
-    assert tet_quality(regular, np.array([[0, 1, 2, 3]]))[0] == pytest.approx(0.0, abs=1e-9)
+    assert _tet_quality(regular, np.array([[0, 1, 2, 3]]))[0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_size_grows_away_from_segments():

@@ -262,7 +262,7 @@ def test_each_volume_has_its_own_material() -> None:
 
 
 def test_every_line_of_the_export_file_is_one_that_run_aster_reads(tmp_path: Path) -> None:
-    text = finite_elements.export_file("small")
+    text = finite_elements.rendered("aster.export.j2", name="small")
     units = {}
     for line in text.splitlines():
         kind, *fields = line.split()

@@ -18,7 +18,7 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 from geometry.lattice import Lattice
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
-from pipeline.exchange import results
+from pipeline.exchange import exports
 from pipeline.measured import files
 from pipeline.measured.synthetic import grid
 from pipeline.models.forced import forced_plate
@@ -89,7 +89,7 @@ def test_phonopys_file_of_shifted_rows_has_their_lattice() -> None:
         for label, k in zip(path.labels, path.wavevectors.tolist(), strict=True)
     ]
     design = {"pitch_x_m": 5e-3, "pitch_y_m": 4e-3, "thickness_m": 2e-3, "stagger": True}
-    data = yaml.safe_load(results.band_yaml({"with_defaults": {"design": design}, "points": points}))
+    data = yaml.safe_load(exports.band_yaml({"with_defaults": {"design": design}, "points": points}))
     assert np.allclose(data["lattice"], 1e10 * np.array([[5e-3, 0, 0], [2.5e-3, 4e-3, 0], [0, 0, 2e-3]]))
     assert np.allclose(np.array(data["lattice"]) @ np.array(data["reciprocal_lattice"]).T, np.eye(3))
     assert np.allclose(data["phonon"][1]["q-position"], [0.5, 0.5, 0.0])
@@ -250,7 +250,7 @@ def test_touchstone_and_csv_are_the_same_impedance(tmp_path: Path, driven: tuple
     tones = np.array([float(row["frequency_Hz"]) for row in rows])
     ohm = np.array([float(row["resistance_ohm"]) + 1j * float(row["reactance_ohm"]) for row in rows])
     assert ohm[::100] == pytest.approx(1.0 / admittance(forced, tones[::100]), rel=1e-6)
-    lines = results.touchstone(tones, ohm).splitlines()
+    lines = exports.touchstone(tones, ohm).splitlines()
     assert lines[1] == "# Hz S RI R 50"
     f, re, im = (float(word) for word in lines[102].split())
     s = re + 1j * im

@@ -24,7 +24,7 @@ from pipeline.questions.question import Run, ask
 from pipeline.questions.travel import PlayedTravel, Travel, TravelResult
 from solvers.driven.error_bars import Louder
 from solvers.errors import SolverError
-from solvers.touch import effects, touched_plate
+from solvers.touch import effects
 from solvers.touch.effects import _lattice_receptance, crest_motion
 
 QUIET = TerminalLog(quiet=True)
@@ -245,7 +245,7 @@ def test_soft_and_hard_fingers_bound_the_net_shear(
     assert known.any() and (np.abs(low) <= np.abs(high) + 1e-12)[known].all() and np.nanmax(np.abs(high)) <= 1.0
     assert (np.sign(high[known]) == np.sign(np.array(soft.crest_m_s)[known])).all()
     # whatever the points of its contact are, a rigid finger holds them
-    monkeypatch.setattr(touched_plate, "STEPS", (2, 2))
+    monkeypatch.setattr(effects, "SPAN", (2, 2))
     rigid = fingered(record, wave, impedance={"stiffness_N_per_m": 1e9})
     assert np.median(rigid.touched_m) < 1e-2 * np.median(free.touched_m)
     wave, felt = dataclasses.replace(record, shear=soft).pictures()

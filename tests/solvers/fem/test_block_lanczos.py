@@ -11,7 +11,7 @@ from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.materials import MATERIALS
 from solvers.fem import block_lanczos as module
 from solvers.fem.assembly import assemble
-from solvers.fem.block_lanczos import BLOCK, MAX_SLICE, SLICE, block_lanczos, fits, slice_of
+from solvers.fem.block_lanczos import BLOCK, MAX_SLICE, SLICE, Basis, block_lanczos
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import constrain, free_mask
 
@@ -68,7 +68,7 @@ def test_a_basis_that_grows_too_large_is_given_up(monkeypatch: pytest.MonkeyPatc
     factor = splu(sp.csc_matrix(stiffness))
     monkeypatch.setattr(module, "MAX_COUNT", 1.0)
     assert block_lanczos(factor.solve, lambda x: mass @ x, 2000, 40, tolerance=0.0) is None
-    assert not fits(10_000_000, 10) and not fits(100, 20) and fits(12_000, 100)
+    assert not Basis.fits(10_000_000, 10) and not Basis.fits(100, 20) and Basis.fits(12_000, 100)
 
 
 def test_a_solid_has_the_same_modes_by_arpack(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -96,8 +96,8 @@ def test_degrees_of_freedom_without_mass_are_no_trouble() -> None:
 
 
 def test_a_slice_is_as_wide_as_its_basis_fits() -> None:
-    assert slice_of(1000) == slice_of(10**6) == SLICE and slice_of(8000) == MAX_SLICE
+    assert Basis.slice_of(1000) == Basis.slice_of(10**6) == SLICE and Basis.slice_of(8000) == MAX_SLICE
     for size in (2500, 4000, 12_000, 24_000, 54_000):
-        pair_count = round(1.1 * slice_of(size)) + 4
-        assert slice_of(size) > SLICE and fits(size, pair_count - 1)
-        assert slice_of(size) == MAX_SLICE or not fits(size, pair_count + 8)
+        pair_count = round(1.1 * Basis.slice_of(size)) + 4
+        assert Basis.slice_of(size) > SLICE and Basis.fits(size, pair_count - 1)
+        assert Basis.slice_of(size) == MAX_SLICE or not Basis.fits(size, pair_count + 8)

@@ -26,9 +26,9 @@ from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.bond import Contact, displacement_at
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE
-from solvers.touch import touched_plate
+from solvers.touch import effects, touched_plate
 from solvers.touch.effects import Places, _known_range, lattice, loaded_mode
-from solvers.touch.touched_plate import Finger, TouchedPlate, integration_error, power, rms
+from solvers.touch.touched_plate import Finger, TouchedPlate, integration_error, power
 
 ALUMINIUM = MATERIALS["aluminium"]
 DESIGN = Design(24e-3, 10e-3, 2e-3, 2, ALUMINIUM, None, float("nan"), float("nan"), 0, 3e-3)
@@ -276,7 +276,7 @@ def test_a_disk_is_integrated_up_to_a_radius_of_one_wavelength(waves: float) -> 
         plate = TouchedPlate(forced, finger)
         error = 2.0 * integration_error(plate, tone)
         others = (plate.lesser(finger.degree - 2), plate.stiffer(1.0 + error))
-        here, lower, stiffer = (rms(each.contact_motion(tone)) for each in (plate, *others))
+        here, lower, stiffer = (np.linalg.norm(each.contact_motion(tone)) for each in (plate, *others))
         bar = abs(here - lower) + abs(here - stiffer) + error * here
         assert abs(ours - exact) <= bar < 0.05 * exact
 
@@ -290,7 +290,7 @@ def direct_rms(forced: ForcedPlate, finger: Finger, rows: sp.csr_array, fine: sp
     spring = finger.dynamic_stiffness(tone) / forced.plate.stiffness_unit
     matrix = stiffness * (1.0 + 1j * forced.loss_at(tone)) - scale.eigenvalue(tone) * mass + spring * (rows.T @ rows)
     load = np.vstack([group.loads for group in groups])[:, 0].astype(complex)
-    return rms(fine @ spla.splu(sp.csc_array(matrix)).solve(load))
+    return np.linalg.norm(fine @ spla.splu(sp.csc_array(matrix)).solve(load))
 
 
 @pytest.mark.parametrize("tip", [HEAVY, *FINGERTIPS.values(), RIGID], ids=lambda tip: tip.name)
@@ -310,7 +310,7 @@ class OnLattice(Finger):
 
     def rows(self, group: Any, finer: int = 0) -> np.ndarray:
         """Roots of the weights times u_z at the points."""
-        places, weights, spacing = touched_plate.lattice_rule(self.steps)
+        places, weights, spacing = effects._lattice_rule(self.steps)
         moved = face_motion(group, np.array(self.at_m) + spacing * self.radius_m * places)
         return np.asarray(np.sqrt(weights)[:, None] * moved.toarray())
 
@@ -322,8 +322,8 @@ def test_a_place_of_the_map_is_a_finger_there() -> None:
     there = OnLattice(HEAVY, (float(grid.x_m[i]), float(grid.y_m[j])), SMALL_M)
     alone = TouchedPlate(free(), there)
     assert grid.x_m[i] < 0.0 and grid.y_m[j] < 0.0
-    assert grid.touched_m[i, j] == pytest.approx(rms(alone.motion_by(there.rows, 18e3)), rel=1e-7)
-    assert grid.free_m[i, j] == pytest.approx(rms(free().motion_by(there.rows, 18e3)), rel=1e-7)
+    assert grid.touched_m[i, j] == pytest.approx(np.linalg.norm(alone.motion_by(there.rows, 18e3)), rel=1e-7)
+    assert grid.free_m[i, j] == pytest.approx(np.linalg.norm(free().motion_by(there.rows, 18e3)), rel=1e-7)
     assert grid.sensor_v[i, j] == pytest.approx(alone.curve(np.array([18e3])).sensor_v_per_v[0], rel=1e-6)
     assert np.abs(grid.x_m).max() + SMALL_M <= DESIGN.length_m / 2.0
     assert np.abs(grid.y_m).max() + SMALL_M <= DESIGN.half_span_m
@@ -334,21 +334,23 @@ def test_moments_are_the_means_over_a_disk() -> None:
     points, weights = touched_plate._disk_means(6)
     assert weights @ touched_plate._zernike(6, points).T == pytest.approx(np.eye(touched_plate._count_of(6)), abs=1e-12)
     moments = weights @ (1.0 + points[:, 0] ** 2)
-    assert moments[0] == pytest.approx(1.25, rel=1e-12) and rms(moments) ** 2 == pytest.approx(1.625, rel=1e-12)
+    assert moments[0] == pytest.approx(1.25, rel=1e-12) and np.linalg.norm(moments) ** 2 == pytest.approx(
+        1.625, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("steps", range(2, 7))
 def test_a_lattice_s_rule_integrates_a_disk(steps: int) -> None:
     """Of x^a y^b up to the third degree: 1, 1/4 of x^2 and y^2, 0 of the rest; a Bessel function for a wave across it."""
-    places, weights, spacing = touched_plate.lattice_rule(steps)
+    places, weights, spacing = effects._lattice_rule(steps)
     x, y = spacing * places.T
     exact = {(0, 0): 1.0, (2, 0): 0.25, (0, 2): 0.25}
     for a in range(4):
         for b in range(4 - a):
             assert weights @ (x**a * y**b) == pytest.approx(exact.get((a, b), 0.0), abs=1e-14)
     assert weights.min() > 0.0 and np.hypot(x, y).max() <= 1.0
-    reach = max(k for k in np.linspace(0.1, 3.0, 30) if touched_plate.steps_of(k / 2.0) <= steps)
-    assert weights @ np.cos(reach * x) == pytest.approx(2.0 * j1(reach) / reach, abs=touched_plate.RULE_ENOUGH)
+    reach = max(k for k in np.linspace(0.1, 3.0, 30) if effects._steps_of(k / 2.0) <= steps)
+    assert weights @ np.cos(reach * x) == pytest.approx(2.0 * j1(reach) / reach, abs=effects.RULE_ENOUGH)
 
 
 def test_impedances_are_their_parts() -> None:
