@@ -304,7 +304,9 @@ class Plate(Frozen):
 
     def export(
         self,
-        form: Literal["stl", "step", "3mf", "vtu", "paraview", "xdmf", "phonopy", "uff", "impedance", "table"],
+        form: Literal[
+            "stl", "step", "3mf", "vtu", "paraview", "xdmf", "driven", "phonopy", "uff", "impedance", "table"
+        ],
         path: str | Path | None = None,
         *,
         progress: bool | None = None,
@@ -314,8 +316,9 @@ class Plate(Frozen):
         Parameters
         ----------
         form : str
-            Format: stl, step and 3mf are the plate in mm; vtu the target mode, paraview and xdmf every mode; phonopy the
-            bands; uff the frequency responses; impedance that of the patches; table the mode table of the board.
+            Format: stl, step and 3mf are the plate in mm; vtu the target mode, paraview and xdmf every mode; driven one
+            period of the driven plate at its peak, for ParaView; phonopy the bands; uff the frequency responses;
+            impedance that of the patches; table the mode table of the board.
         path : str or Path, optional
             File to write; by default named after the case, in the current folder.
         progress : bool, optional

@@ -35,6 +35,7 @@ ENDINGS = {  # allowed endings of a file, the first one by default; "": common s
     "vtu": (".vtu",),
     "paraview": (".vtkhdf", ".hdf"),
     "xdmf": (".xdmf", ".xmf"),
+    "driven": (".vtkhdf", ".hdf"),
     "phonopy": (".yaml", ".yml"),
     "uff": (".uff", ".unv"),
     "impedance": (".s1p", ".csv"),
@@ -220,6 +221,9 @@ def band_yaml(document: dict[str, Any]) -> str:
 
 # -- shapes ------------------------------------------------------------------------------------------------------------
 # Every mode of a plate on the surface of the whole body, one step each: VTKHDF for ParaView, or XDMF as one text file.
+# The driven plate over one period, as VTKHDF.
+
+PHASES = 24
 
 
 def paraview(case: Case, path: Path, log: Log, own: UserMesh | None = None) -> Path:
@@ -260,6 +264,27 @@ def xdmf(case: Case, path: Path, log: Log, own: UserMesh | None = None) -> Path:
         writer.write_points_cells(points, [("triangle", facets)])
         for tone, shape in zip(tones.tolist(), shapes.astype(np.float32), strict=True):
             writer.write_data(tone, point_data={"displacement": shape})
+    return path
+
+
+def driven(case: Case, path: Path, log: Log) -> Path:
+    """Compute the response and write one period of the plate at its peak, in m at drive_V; time is the phase, degrees."""
+    from geometry.decimation import closed_surface
+    from geometry.formats.vtk import write_steps
+    from pipeline.models.mode_fields import over_period
+    from pipeline.questions.question import Run, ask
+    from pipeline.questions.response import Response
+
+    run = Run(log)
+    peak = ask(case, Response(), run).peak
+    assert case.patches
+    with log.step(f"write one period at {peak.tone}"):
+        skin = run.solved["forced"].skin(peak.frequency_hz)
+        kept, triangles = closed_surface(skin.points, skin.facets, case.design.thickness_m)
+        turns = np.arange(PHASES) / PHASES
+        moved = case.patches.drive_v * skin.displacement[0, kept]
+        shapes = np.stack([over_period(moved, turn) for turn in turns])
+        write_steps(path, skin.points[kept], triangles, 360.0 * turns, "displacement", shapes)
     return path
 
 
@@ -387,6 +412,7 @@ ONE_FILE: dict[str, Callable[[Case, Path, Log], Path]] = {
     "phonopy": phonopy,
     "paraview": paraview,
     "xdmf": xdmf,
+    "driven": driven,
     "uff": uff,
     "impedance": impedance,
 }

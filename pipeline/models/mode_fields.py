@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from geometry.elements import FloatArray
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.models.modes import PartModes
@@ -14,6 +15,7 @@ from pipeline.records.surface_codec import folded, surface_arrays, unfolded
 from solvers.fem.surface import Skin
 from solvers.measures.correlation import zone_coefficients
 from solvers.measures.target_mode import weights
+from solvers.piezo.forced import ForcedPlate
 
 __all__ = ["full_fields", "kept_arrays", "plate_arrays", "surface_arrays"]
 KEPT_MODES = 12
@@ -80,21 +82,43 @@ def nearest_rows(part_modes: PartModes, index: int) -> list[int]:
 
 def closed_surface(part_modes: PartModes, case: Case, index: int) -> Any:
     """Return a pyvista PolyData in m of the whole body in one mode; `displacement` (points, 3) has unit modal mass."""
+    row = part_modes.rows[index]
+    skin = _skin(part_modes, index).unfolded(row.symmetry)
+    thickness_m = case.design.thickness_m if part_modes.part == "plate" else None
+    return _polydata(skin, thickness_m, row.frequency_hz, {"displacement": skin.displacement[0]})
+
+
+def driven_surface(forced: ForcedPlate, frequency_hz: float) -> Any:
+    """Return a pyvista PolyData in m of the whole plate, driven at a frequency; displacements (points, 3) in m per volt.
+
+    `displacement` is the motion when u_z is largest anywhere, `quadrature` that a quarter period later.
+    """
+    skin = forced.skin(frequency_hz)
+    largest, later = (over_period(skin.displacement[0], turn) for turn in (0.0, 0.25))
+    parts = {"displacement": largest, "quadrature": later}
+    return _polydata(skin, forced.design.thickness_m, frequency_hz, parts)
+
+
+def over_period(motion: Any, turn: float) -> FloatArray:
+    """Displacements (p, 3) of a complex motion, a share of the period after u_z is largest anywhere."""
+    largest = motion[np.abs(motion[:, 2]).argmax(), 2]
+    return np.asarray((motion * np.exp(1j * (2.0 * np.pi * turn - np.angle(largest)))).real)
+
+
+def _polydata(skin: Skin, thickness_m: float | None, frequency_hz: float, fields: dict[str, FloatArray]) -> Any:
+    """Return the closed surface with its fields (points, 3); thickness_m: of a plate."""
     import pyvista
 
     from geometry import decimation
 
-    row = part_modes.rows[index]
-    skin = _skin(part_modes, index).unfolded(row.symmetry)
-    kept, triangles = decimation.closed_surface(
-        skin.points, skin.facets, case.design.thickness_m if part_modes.part == "plate" else None
-    )
+    kept, triangles = decimation.closed_surface(skin.points, skin.facets, thickness_m)
     size = np.full((len(triangles), 1), 3)
     surface = pyvista.PolyData(np.asarray(skin.points[kept], dtype=float), np.hstack([size, triangles]).ravel())
-    surface.point_data["displacement"] = skin.displacement[0, kept]
+    for name, values in fields.items():
+        surface.point_data[name] = values[kept]
     if surface.n_open_edges:  # such as a clamped foot
         surface = surface.fill_holes(10.0 * surface.length)
     surface = surface.compute_normals(point_normals=False, auto_orient_normals=True)  # facets turned outwards
     surface.cell_data.clear()
-    surface.field_data["frequency_hz"] = np.array([row.frequency_hz])
+    surface.field_data["frequency_hz"] = np.array([frequency_hz])
     return surface

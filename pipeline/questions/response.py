@@ -158,6 +158,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     )
     measured: MeasuredRecord | None = column("comparison with measured data; None without a measurement", default=None)
     target_error: float | None = bar("target_hz, relative")
+    forced: ForcedPlate | None = live("the solved plate; None if read from a file")
     written: list[Any] = live("written files with synthetic data", default_factory=list)
 
     @classmethod
@@ -208,7 +209,47 @@ class ResponseResult(Result, axes=("frequency_hz",)):
             target_peak=target,
             highest_peak=_peak(solved.highest, forced, patches.drive_v, same),
             widest_bar=solved.widest_bar.to_dict(),
+            forced=forced,
         )
+
+    def to_pyvista(self, frequency_kHz: float | None = None) -> Any:
+        """Return the closed outer surface of the whole plate, without its patches, with its driven displacement.
+
+        Parameters
+        ----------
+        frequency_kHz : float, optional
+            Frequency of the drive in kHz; that of `peak` by default.
+
+        Returns
+        -------
+        pyvista.PolyData
+            Surface in m; its arrays (points, 3) are `displacement`, in m per volt when u_z is largest anywhere, and
+            `quadrature`, a quarter period later. Its method `save` writes a file for ParaView (.vtp).
+
+        Raises
+        ------
+        InputError
+            For a frequency outside the solved band.
+        ValueError
+            For a response that was read from a file, which holds no shapes.
+
+        Examples
+        --------
+        >>> import antinode
+        >>> patch = antinode.Patches(material="pz26", size_mm=(8.0, 3.0, 0.3), centres_mm=[(0.0, 0.0)])
+        >>> driven = antinode.load("examples/small.toml", accuracy=0.1, patches=patch).response((33.0, 36.0), points=5)
+        >>> surface = driven.to_pyvista(34.5)
+        >>> surface.point_data.keys(), surface.n_open_edges
+        (['displacement', 'quadrature'], 0)
+        """
+        from pipeline.models.mode_fields import driven_surface
+
+        if self.forced is None:
+            raise ValueError("this response was read from a file, which holds no shapes: compute it again")
+        low, high = (end / KHZ for end in self.forced.band_hz)
+        if frequency_kHz is not None and not low <= frequency_kHz <= high:
+            raise InputError(f"frequency_kHz = {frequency_kHz}: must lie in the solved band, {low:g} to {high:g} kHz")
+        return driven_surface(self.forced, self.peak.frequency_hz if frequency_kHz is None else frequency_kHz * KHZ)
 
     @property
     def peak(self) -> PeakRecord:

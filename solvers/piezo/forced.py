@@ -24,6 +24,7 @@ from solvers.fem.assembly import Scale
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor import Factor, Factoriser, parallel_map
 from solvers.fem.missing_mode import largest_outside
+from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField, strength_force, target_symmetry
 from solvers.measures.radiation import Air, air_loss_factors, level_db, pressure_pa
 from solvers.measures.target_mode import NONE, Found, Interval, Verdict, search, verdict
@@ -571,6 +572,17 @@ class ForcedPlate:
             for symmetry, face, moved in basis.touched(eigenvalue, volts)
         ]
         return parts[0][0], np.asarray(sum(values for _, values in parts))
+
+    def skin(self, frequency_hz: float) -> Skin:
+        """Outer skin of the whole plate, without its patches, with its complex displacement (1, p, 3) per volt, m/V."""
+        eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
+        volts = self.volts(eigenvalue)
+        parts = []
+        for basis in self.modes:
+            moved: Any = basis.columns @ basis.amplitudes(eigenvalue, volts)[:, None]
+            pairs = zip(basis.group.plates, basis.group.split(moved), strict=True)
+            parts += [plate.skin(own).unfolded(plate.symmetry) for plate, own in pairs]
+        return replace(parts[0], displacement=np.sum([each.displacement for each in parts], axis=0))
 
 
 def in_phase_signs(gain: FloatArray, drivers: list[int]) -> FloatArray:

@@ -34,6 +34,7 @@ SLOW = {  # a second and more, run by `make slow`
     "pipeline.questions.tolerance.Tolerance",
     "pipeline.questions.tolerance.AlikeTolerance",
     *(f"pipeline.questions.response.{name}Response" for name in ("", "Measured", "Synthetic")),
+    "pipeline.questions.response.ResponseResult.to_pyvista",
 }  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +23,10 @@ from pipeline.exchange import exports
 from pipeline.measured import files
 from pipeline.measured.synthetic import grid
 from pipeline.models.forced import forced_plate
+from pipeline.questions.question import ask
+from pipeline.questions.response import Response
 from solvers.piezo.forced import ForcedPlate
-from solvers.piezo.responses import admittance, circuit_shift, point_response
+from solvers.piezo.responses import admittance, circuit_shift, face_motion, point_response
 from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
@@ -139,6 +142,31 @@ def test_an_xdmf_file_holds_the_same_shapes_at_the_same_steps(shapes: Path, tmp_
             assert np.abs(data["displacement"] - expected).max() < 1e-6 * np.abs(expected).max()
     made = [*shapes.parent.iterdir(), *tmp_path.iterdir()]
     assert sorted(path.name for path in made) == ["modes.vtkhdf", "modes.xdmf"]  # one file each, nothing beside
+
+
+@pytest.mark.slow
+def test_a_file_of_the_driven_plate_plays_one_period_at_its_voltage(tmp_path: Path) -> None:
+    """The field's first harmonic against the response at points of the touch face; step 0 has the largest u_z."""
+    reader, moved, turns = vtkHDFReader(), [], np.arange(24) / 24
+    reader.SetFileName(str(written("driven", tmp_path / "plate.vtkhdf", PATCH, "patches.drive_V=10")))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == len(turns)
+    for step, turn in enumerate(turns):
+        reader.SetStep(step)
+        reader.Update()
+        grid = pyvista.wrap(reader.GetOutputDataObject(0))
+        assert reader.GetTimeValue() == pytest.approx(360.0 * turn)
+        moved.append(np.array(grid.point_data["displacement"])[:, 2])
+    amplitude = 2.0 / len(turns) * np.exp(-2j * np.pi * turns) @ np.array(moved)
+    largest = amplitude[np.abs(amplitude).argmax()]
+    assert largest.real > 0.0 and abs(largest.imag) < 1e-5 * largest.real
+    response = ask(load_case(SMALL, [*COARSE, PATCH]), Response(), RecordingLog())
+    on = np.flatnonzero(np.abs(grid.points[:, 2]) < 1e-9)[::97]
+    rows = partial(face_motion, points_m=np.array(grid.points)[on, :2])
+    direct = 10.0 * response.forced.motion_by(rows, response.peak.frequency_hz)
+    phase = np.vdot(direct, amplitude[on]) / np.vdot(direct, direct)
+    assert abs(phase) == pytest.approx(1.0, rel=1e-4)
+    assert np.abs(amplitude[on] - phase * direct).max() < 1e-4 * np.abs(direct).max()
 
 
 @pytest.mark.slow

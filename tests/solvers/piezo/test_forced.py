@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ from solvers.piezo import patched_plate
 from solvers.piezo.forced import Drive, ForcedPlate, group_modes
 from solvers.piezo.patch import MESH, StaticCorrection, _mesh, bonded_patch, patch_mesh, pillars_beneath, with_potential
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, _bonds, coupled_classes
-from solvers.piezo.responses import frequency_errors, height_error
+from solvers.piezo.responses import face_motion, frequency_errors, height_error
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.bond import Contact, displacement_at
 from solvers.superelement.interface import Interface, ReductionSettings
@@ -217,6 +217,18 @@ def test_the_plate_joined_whole_answers_as_its_mirror_classes() -> None:
     points, values = forced[1].shape(30e3)
     there = np.lexsort(np.round(points, 9).T), np.lexsort(np.round(point, 9).T)
     assert np.allclose(value[there[1]], values[there[0]], atol=1e-6 * np.abs(values).max())
+
+
+def test_the_driven_skin_moves_as_the_points_of_the_touch_face_do() -> None:
+    """All four classes move: each with its own mirror signs along x, y and z."""
+    plate = forced(LOPSIDED, (0,), ())
+    skin = plate.skin(33e3)
+    on = np.flatnonzero(np.abs(skin.points[:, 2]) < 1e-9)
+    largest = np.abs(skin.displacement).max()
+    for axis in range(3):
+        felt = plate.motion_by(partial(face_motion, points_m=skin.points[on, :2], axis=axis), 33e3)
+        assert len({*np.sign(skin.points[on, 0])} & {-1.0, 1.0}) == 2
+        assert np.abs(felt - skin.displacement[0, on, axis]).max() < 1e-9 * largest
 
 
 def test_an_open_sensor_carries_no_charge_and_the_short_one_is_softer() -> None:
