@@ -77,7 +77,11 @@ def __getattr__(name: str) -> Any:
 
         return version("antinode")
     if name not in HOMES:
-        raise AttributeError(f"module 'antinode' has no attribute {name!r}")
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, __all__, n=1)
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        raise AttributeError(f"module 'antinode' has no attribute {name!r}{hint}")
     home, _, own = HOMES[name].partition(":")
     return getattr(import_module(home), own or name)
 

@@ -343,7 +343,11 @@ class Plate(Frozen):
         """
         from pipeline.exchange import exports
 
-        return exports.write(self._case, form, None if path is None else str(path), self._log(progress))
+        if form not in exports.ENDINGS:
+            raise InputError(
+                f"form = {form!r}: must be one of {', '.join(exports.ENDINGS)}{nearest(str(form), exports.ENDINGS)}"
+            )
+        return exports.write(self._case, form, None if path is None else str(path), self._log(progress), option="path")
 
     def save(self, path: str | Path) -> Path:
         """Write the case file of the plate; files that it names are named by their whole paths.
@@ -425,11 +429,19 @@ class Plate(Frozen):
 
         def __getattr__(self, name: str) -> Any:
             if name.startswith("_") or name not in registered():
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{self._elsewhere(name)}")
             return asks(registered()[name]).__get__(self)
 
         def __dir__(self) -> list[str]:
             return sorted({*super().__dir__(), *registered()})
+
+        def _elsewhere(self, name: str) -> str:
+            """Where a table or a key of the case is found, or the attribute that was meant."""
+            if name in TABLES:
+                return f": to_dict()[{name!r}] has it" if name in self._raw else f": the case has no table [{name}]"
+            if held := [table for table in TABLES if name in (self._raw.get(table) or ())]:
+                return f": to_dict()[{held[0]!r}][{name!r}] has it"
+            return nearest(name, [each for each in dir(self) if not each.startswith("_")])
 
     def _repr_html_(self) -> str:
         """Text and labelled sketch of the plate for a notebook; text alone without a zone."""

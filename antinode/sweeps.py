@@ -282,6 +282,13 @@ def sweep(
 
     if not values:
         raise InputError("sweep: needs at least one key with its values, such as pitch_mm=[4, 5, 6]")
+    lines = [
+        f"{name} = {each!r}: must be a list of values, such as {name}=[{each!r}]"
+        for name, each in values.items()
+        if isinstance(each, str | bytes) or not isinstance(each, Iterable)
+    ]
+    if lines:
+        raise InputError(lines)
     place = Path(folder) if folder is not None else paths.RESULTS / f"{plate.name}-sweep"
     place.mkdir(parents=True, exist_ok=True)
     study = _study(plate, place, [each if isinstance(each, str) else each.question for each in measure], zip, values)

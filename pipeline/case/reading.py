@@ -66,8 +66,9 @@ HIDDEN = {
 }  # keys of tables that are read one by one
 # a number written as text: with a decimal comma, with its unit
 NUMBER = re.compile(r"\s*(?P<number>[+-]?\d{1,12}(?:[.,]\d{1,12})?)\s*(?P<unit>[A-Za-z]{0,6})\s*")
-DECIMAL_COMMA = re.compile(r"\s*[\w.\"-]+\s*=\s*([+-]?\d{1,12}),(\d{1,12})\s*(?:#|$)")
-MAX_LINE = 200  # characters of a line that are searched for a decimal comma
+SETTING = re.compile(r"\s*(?P<key>[\w.\"-]+)\s*(?P<sign>[=:])\s*(?P<value>[^#]*[^#\s])")
+MAX_LINE = 200  # characters of a line that are searched for a slip
+STRAIGHT = str.maketrans("“”„‟«»‘’‚", '""""""' + "'" * 3)
 MAX_LENGTH = 60  # longest value or key that is shown, in characters
 MAX_NAMES = 2000  # largest folder in which a misspelled name is compared
 MAX_LINES = 50  # largest number of faults listed; a file with more is not a case file
@@ -359,7 +360,7 @@ def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     try:
         parsed = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: not valid TOML: {error}{_decimal_comma(text, str(error))}") from None
+        raise InputError(f"{path}: not valid TOML: {error}{_slip(text, str(error))}") from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not valid TOML: {type(error).__name__} {str(error)[:80]}") from None
     if _is_deeper(parsed):
@@ -367,12 +368,25 @@ def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     return parsed
 
 
-def _decimal_comma(text: str, fault: str) -> str:
-    """Return ' (did you mean 6.3?)' where the line of a TOML fault sets a key to a number with a decimal comma."""
+def _slip(text: str, fault: str) -> str:
+    """Return ' (did you mean X?)' where the line of a TOML fault has a decimal comma, a unit, a colon, or no plain quotes."""
     place = re.search(r"at line (\d+)", fault)
-    line = text.splitlines()[int(place[1]) - 1] if place else ""
-    found = DECIMAL_COMMA.match(line[:MAX_LINE])
-    return f" (did you mean {found[1]}.{found[2]}?)" if found else ""
+    line = text.split("\n")[int(place[1]) - 1] if place else ""
+    found = SETTING.match(line[:MAX_LINE])
+    if found is None:
+        return ""
+    key, value = found["key"], found["value"]
+    better, number = value.translate(STRAIGHT), NUMBER.fullmatch(value)
+    if number:
+        better = number["number"].replace(",", ".")
+    elif value.lower() in ("true", "false"):
+        better = value.lower()
+    elif value.isascii() and value[0].isalpha() and value.replace("-", "").replace(".", "").isalnum():
+        better = f'"{value}"'
+    if (better, found["sign"]) == (value, "="):
+        return ""
+    why = "; its unit is in the name of the key" if number and number["unit"] else ""
+    return f" (did you mean {key_quoted(f'{key} = {better}')}{why}?)"
 
 
 def is_file(path: Path) -> bool:

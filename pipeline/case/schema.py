@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, Self, TypedDict
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypedDict
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 from pydantic.json_schema import models_json_schema
@@ -59,6 +60,14 @@ class Table(BaseModel):
     """A table of the file: no unknown keys, implicit conversions, NaN or infinity."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_"):
+                return super().__getattr__(name)
+            near = get_close_matches(name, type(self).model_fields, n=1)
+            raise AttributeError(f"no such key: {name}{f' (did you mean {near[0]}?)' if near else ''}")
 
     def but(self, **changes: Any) -> Self:
         """Return the table with other values of some keys, unchecked."""

@@ -46,11 +46,12 @@ WORDS = {".s1p": ".s1p (Touchstone)"}
 
 def write(
     case: Case, form: str, output: str | None, log: Log, part: str = "plate", force: bool = False,
-    own: UserMesh | None = None,
+    own: UserMesh | None = None, option: str = "-o",
 ) -> list[Path]:  # fmt: skip
     """Write one format; returns the files written. Parts other than the plate go to finite-element programs only.
 
-    `force`: write a mode table even without a target mode. own: a mesh file to solve instead of the plate.
+    `force`: write a mode table even without a target mode. own: a mesh file to solve instead of the plate. option: what
+    messages call `output`.
     """
     if form not in SOLVER_FILES and part != "plate":
         raise InputError(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
@@ -62,9 +63,9 @@ def write(
     else:
         _require(case, form, part)
     path = Path(f"{case.name}{ENDINGS[form][0]}" if output is None else output)
-    outputs.check_files("-o", places(form, output if output == "" else path))
+    outputs.check_files(option, places(form, output if output == "" else path))
     if output is not None:
-        _check_ending(form, path)
+        _check_ending(form, path, option)
     if own:
         return [OF_MESHES[form](case, path, log, own)]
     if form in SOLVER_FILES:
@@ -90,7 +91,7 @@ def _require(case: Case, form: str, part: str) -> None:
     case.require(*(("plate", "zone") if part == "zone" else ("pillar",)), command=command)
 
 
-def _check_ending(form: str, path: Path) -> None:
+def _check_ending(form: str, path: Path, option: str) -> None:
     """Raise InputError for a file name whose ending does not match the format."""
     if outputs.is_standard_output(path) or (path.exists() and not path.is_file()):
         return
@@ -98,7 +99,7 @@ def _check_ending(form: str, path: Path) -> None:
     if path.suffix.lower() not in allowed:
         *others, last = (WORDS.get(each, each) for each in allowed if each)
         listed = f"{', '.join(others)} or {last}" if others else last
-        raise InputError(f"-o {path}: must end in {listed}{', or have no ending' * ('' in allowed)}")
+        raise InputError(f"{option} = {path}: must end in {listed}{', or have no ending' * ('' in allowed)}")
 
 
 def places(form: str, output: str | Path) -> list[str | Path]:

@@ -395,8 +395,27 @@ def _draw(answer: Answer, place: Path) -> None:
             style.save(picture, place)
 
 
+def _refuse_unknown(kind: Kind, named: Mapping[str, Any]) -> None:
+    """Raise InputError for keywords that are no options, with the option, the method or the key of the case that was meant."""
+    from pipeline.case.reading import nearest
+    from pipeline.case.schema import TABLES
+
+    lines = []
+    for name in named.keys() - kind.options.keys() - {"progress"}:
+        others = [each.name for each in _variants(kind) if name in each.options]
+        why = f"no such option{nearest(name, kind.options)}"
+        if others:
+            why = f"an option of {others[0]}"
+        elif any(name in table.model_fields for table in TABLES.values()):
+            why = f"a key of the case: plate.with_({name}=...).{kind.name}()"
+        lines.append(f"{kind.name}: {name} = {named[name]!r}: {why}")
+    if lines:
+        raise InputError(lines)
+
+
 def _function(kind: Any) -> Any:
     def method(self: Any, *options: Any, **named: Any) -> Any:
+        _refuse_unknown(kind, named)
         question = kind(*options, **named)
         return ask(self.case, question, self._log(question.progress))
 

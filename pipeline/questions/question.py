@@ -240,7 +240,7 @@ class Question(Declared, Generic[R]):
 
     def _fault(self, name: str) -> str:
         """Return the requirement that an option violates, or ''."""
-        value, kind = getattr(self, name), kind_of(type(self), name)
+        value, kind, unit = getattr(self, name), kind_of(type(self), name), self.options[name].unit
         if value is None:
             return "" if NoneType in get_args(_hints(type(self))[name]) else f"must be {_in_words(kind)}"
         if get_origin(kind) is Literal and value not in get_args(kind):
@@ -251,7 +251,7 @@ class Question(Declared, Generic[R]):
             rising = kind != Pair or read[0] < read[1]
             return self.options[name].fault(read) or ("" if rising else f"must be {KINDS[Pair]}")
         except (TypeError, ValueError):
-            return f"must be {_in_words(kind)}"
+            return f"must be {_in_words(kind)}{f' in {unit}' if unit else ''}"
 
     @classmethod
     def summary(cls) -> str:

@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -284,6 +285,28 @@ def test_a_whole_table_is_put_in_or_left_out(plate: antinode.Plate) -> None:
 def test_a_band_whose_ends_fall_is_refused(plate: antinode.Plate) -> None:
     with pytest.raises(antinode.InputError, match="two rising numbers"):
         plate.modes(band_kHz=(34.0, 30.0))
+
+
+def test_slips_are_answered_with_what_was_meant(plate: antinode.Plate) -> None:
+    for slip, meant in {
+        "modes(band=(30, 34))": "modes: band = (30, 34): no such option (did you mean band_kHz?)",
+        "modes(mesh_file='a.msh')": "modes: mesh_file = 'a.msh': an option of mesh_modes",
+        "modes('30kHz:34kHz')": "band_kHz = '30kHz:34kHz': must be two rising numbers in kHz",
+        "bands(points=5)": "bands: points = 5: a key of the case: plate.with_(points=...).bands()",
+        "export('stp')": "(did you mean step?)",
+        "export('stl', '/nowhere/x.stl')": "path = /nowhere/x.stl: cannot be written",
+        "respons": "'Plate' object has no attribute 'respons' (did you mean response?)",
+        "solve": "to_dict()['solve'] has it",
+        "patches": "the case has no table [patches]",
+        "thickness_mm": "to_dict()['plate']['thickness_mm'] has it",
+        "zone.width": "no such key: width (did you mean width_mm?)",
+    }.items():
+        with pytest.raises((antinode.InputError, AttributeError), match=re.escape(meant)):
+            eval(f"plate.{slip}")
+    with pytest.raises(AttributeError, match=r"did you mean Plate\?"):
+        _ = antinode.Plates
+    with pytest.raises(antinode.InputError, match=re.escape("pitch_mm = 5: must be a list of values")):
+        antinode.sweep(plate, pitch_mm=5)
 
 
 def test_bands_have_wavevectors_labels_and_errors(plate: antinode.Plate, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 import tomllib
 from pathlib import Path
@@ -261,8 +262,15 @@ def test_footprint_limit_is_sharp():
     ("content", "expected"),
     [
         (b"name = 'a'\nmaterial = \n", "line 2"),
-        (b"[pillar]\nheight_mm = 6,3  # mm\n", "(did you mean 6.3?)"),
+        (b"[pillar]\nheight_mm = 6,3  # mm\n", "(did you mean height_mm = 6.3?)"),
         (b"[plate]\nthickness_mm = 2\nthickness_mm = 3\n", "not valid TOML"),
+        (b"[plate]\nthickness_mm = 2,5\n", "(did you mean thickness_mm = 2.5?)"),
+        (b"[plate]\nthickness_mm = 2 mm\n", "(did you mean thickness_mm = 2; its unit is in the name of the key?)"),
+        (b"[plate]\nthickness_mm: 2\n", "(did you mean thickness_mm = 2?)"),
+        (b"material = glass\n", '(did you mean material = "glass"?)'),
+        ("material = “glass”\n".encode(), '(did you mean material = "glass"?)'),
+        (b"[array]\nstagger = True\n", "(did you mean stagger = true?)"),
+        (b"[array]\nrows = 1;\n", "at line 2, column 9)"),
         (b"name = '\xff'\n", "not UTF-8 text at byte 8"),
         (None, "is a directory"),
     ],
@@ -270,7 +278,7 @@ def test_footprint_limit_is_sharp():
 def test_unreadable_files(tmp_path, content, expected):
     path = tmp_path / "case.toml"
     path.mkdir() if content is None else path.write_bytes(content)
-    with pytest.raises(InputError, match=expected) as fault:
+    with pytest.raises(InputError, match=re.escape(expected)) as fault:
         load_case(path)
     assert len(fault.value.lines) == 1 and str(path) in fault.value.lines[0]
 

@@ -307,7 +307,7 @@ def test_a_name_that_says_something_else_is_refused_before_anything_is_computed(
 ) -> None:
     assert main(["export", form, SMALL, "-o", str(tmp_path / name), "--quiet"]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert lines == [f"antinode: -o {tmp_path / name}: must end in {allowed}"] and not list(tmp_path.iterdir())
+    assert lines == [f"antinode: -o = {tmp_path / name}: must end in {allowed}"] and not list(tmp_path.iterdir())
 
 
 def test_every_format_has_its_endings() -> None:
