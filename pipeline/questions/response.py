@@ -158,7 +158,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     )
     measured: MeasuredRecord | None = column("comparison with measured data; None without a measurement", default=None)
     target_error: float | None = bar("target_hz, relative")
-    forced: ForcedPlate | None = live("the solved plate; None if read from a file")
+    forced: Any = live("the solved plate; None if read from a file")
     written: list[Any] = live("written files with synthetic data", default_factory=list)
 
     @classmethod
