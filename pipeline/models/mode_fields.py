@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,9 @@ from pipeline.records.surface_codec import folded, surface_arrays, unfolded
 from solvers.fem.surface import Skin
 from solvers.measures.correlation import zone_coefficients
 from solvers.measures.target_mode import weights
-from solvers.piezo.forced import ForcedPlate
+
+if TYPE_CHECKING:
+    from solvers.piezo.forced import ForcedPlate
 
 __all__ = ["full_fields", "kept_arrays", "plate_arrays", "surface_arrays"]
 KEPT_MODES = 12
