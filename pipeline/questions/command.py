@@ -396,7 +396,7 @@ def _draw(answer: Answer, place: Path) -> None:
 
 
 def _refuse_unknown(kind: Kind, named: Mapping[str, Any]) -> None:
-    """Raise InputError for keywords that are no options, with the option, the method or the key of the case that was meant."""
+    """Raise InputError for keywords that are not options, with the option, the method or the key of the case that was meant."""
     from pipeline.case.reading import nearest
     from pipeline.case.schema import TABLES
 
