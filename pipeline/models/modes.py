@@ -70,6 +70,7 @@ from solvers.measures.confinement import (
 from solvers.measures.loss import loss_factors, of_discarded, quality_and_bar
 from solvers.measures.radiation import air_loss_factors
 from solvers.plates.assembled import PlateModel
+from solvers.plates.released import Released, released
 from solvers.threads import one_thread
 
 __all__ = ["DEFAULT_COUNT", "Expected", "PartModes", "Request", "solve_modes", "with_defaults"]
@@ -132,7 +133,8 @@ class PartModes:
             {row.column: row for row in (*self.rows, *part_modes.rows)}.values(), key=lambda row: row.frequency_hz
         )
         low, high = min(self.count.low_hz, part_modes.low_hz), max(self.count.high_hz, part_modes.high_hz)
-        return replace(self, rows=tuple(rows), count=Count(low, high, len(rows), len(rows)))
+        below = self.count.below if low == self.count.low_hz else None
+        return replace(self, rows=tuple(rows), count=Count(low, high, len(rows), len(rows), below))
 
     def mesh_error(self, row: ModeRow) -> float | None:
         """Discretisation error of a frequency, relative; None without an estimate."""
@@ -621,6 +623,14 @@ class _Class:
         with self.log.step(f"discretisation error, class {self.symmetry or 'whole'}"):
             return ModeErrors(none, none, none, *self._of_mesh(self.vectors, self.tones))
 
+    def estimated_of(self, columns: Sequence[int]) -> ModeErrors:
+        """Estimate the errors of some of a plate's modes; NaN for the others."""
+        assert isinstance(self.model, PlateModel)
+        own = mode_errors(self.model.assembled(self.symmetry), self.pencil, self.vectors[:, columns])
+        errors = np.full((5, self.vectors.shape[1]), nan)
+        errors[:, columns] = own.modes, own.degrees, own.through, own.taken, own.mesh
+        return ModeErrors(*errors)
+
     def _of_mesh(self, vectors: FloatArray, tones: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Relative correction and error bar (half-width) of modes of a body meshed whole."""
         assert self.coarser and isinstance(self.pencil, Pencil)
@@ -681,11 +691,13 @@ class _Class:
         return tuple(mode_rows(modes, self.symmetry, measures, first))
 
 
-def _target(case: Case, query: Request, one: _Class) -> Target | None:
-    """Find the target mode among those of its class; None for a part that has none."""
+def _target(case: Case, query: Request, one: _Class, span: Released | None = None) -> Target | None:
+    """Find the target mode among those of its class, in a released plate's interval if given; None for a part without one."""
     window = target_window_hz(case, query)
     if window is None:
         return None
+    if span:
+        window = span.within(window)
     if query.expected:
         return look_about(query.expected, one.count, one.rows, one.between)
     if not query.search:
@@ -774,6 +786,7 @@ def _merged(query: Request, classes: dict[str | None, _Class]) -> tuple[list[Mod
         min(c.high_hz for c in counts),
         sum(c.expected for c in counts),
         sum(c.found for c in counts),
+        counts[0].below if len(counts) == 1 else None,
     )
     return _nearest(rows, query, count) if query.count is not None and not query.band_hz else (rows, count)
 
@@ -832,16 +845,39 @@ def without_supports(case: Case, request: Request, solved: PartModes, log: Log) 
     free = replace(case, design=case.design.unsupported)
     query, symmetry = with_defaults(free, request), free.target_symmetry
     with log.step("target mode without the supports"):
-        model = PlateModel(free.design, solved.model.reductions)
-        one = _Class(free, "plate", model, symmetry, log)
-        one.ask(query)
-        target = _target(free, query, one)
-        errors = one.estimated()
+        one, span = _released(case, free, solved, log)
+        if one is None:
+            one = _Class(free, "plate", PlateModel(free.design, solved.model.reductions), symmetry, log)
+        one.ask(replace(query, band_hz=span.ends_hz) if span else query)
+        target = _target(free, query, one, span)
+        one.shared.near = None
+        rows = (target.row, *target.rivals) if target and target.row else ()
+        errors = one.estimated_of([row.column for row in rows])
     part_modes = PartModes(
-        "plate", model, one.rows, {symmetry: one.vectors}, one.dof, one.rigid_count, one.count, [],
-        target=target, errors={symmetry: errors} if errors else None, overlaps={symmetry: one.overlaps},
+        "plate", one.model, one.rows, {symmetry: one.vectors}, one.dof, one.rigid_count, one.count, [],
+        target=target, errors={symmetry: errors}, overlaps={symmetry: one.overlaps},
     )  # fmt: skip
     return _with_level_bars(free, _with_errors(_with_both(part_modes)))
+
+
+def _released(case: Case, free: Case, solved: PartModes, log: Log) -> tuple[_Class | None, Released | None]:
+    """The class of a solved plate without soft supports, which begins with its modes, and the interval that these span.
+
+    None where supports are not soft, or change the plate's symmetry: it is solved again.
+    """
+    symmetry, model = case.target_symmetry, solved.model
+    alike = free.target_symmetry == symmetry and set(solved.vectors) == {symmetry}
+    if not alike or not isinstance(model, PlateModel) or own_frequency.is_open(case, "plate"):
+        return None, None
+    loose = model.released(symmetry)
+    tones = np.array([row.frequency_hz for row in solved.rows])
+    span = released(model.assembled(symmetry), solved.count, tones) if loose and len(tones) else None
+    if span is None or loose is None:
+        return None, None
+    one = _Class(free, "plate", loose, symmetry, log)
+    one.shared.guess = solved.vectors[symmetry][:, [row.column for row in solved.rows]]
+    one.shared.counts |= span.counts
+    return one, span
 
 
 def target_lines(part_modes: PartModes, design: Design) -> list[str]:

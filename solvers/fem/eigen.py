@@ -19,8 +19,10 @@ from solvers.errors import CountMismatch, SingularShift, SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.block_lanczos import Basis, Operator, block_lanczos
 from solvers.fem.factor import Factor, Factoriser
+from solvers.fem.followed import followed
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
+FOLLOWED = 1e-7  # of pairs that follow from another pencil's: 1e-7 of a frequency, since it enters squared
 ORTHONORMAL = 1e-8
 # above it a solve was disturbed: rounding leaves 1e-16, the stop rule of Lanczos 1e-13
 CLEAN_RESIDUAL = RESIDUAL / 100.0
@@ -82,6 +84,7 @@ class Shared:
     """Shared state of the solves of one pencil: the symbolic analysis, the counts so far, a factor of K if there is one.
 
     near: a factor of K - s M and its s, where one is kept for what follows; keeps: the last slice's is kept.
+    guess: motions (dof, k) near the modes of the next window.
     """
 
     factorise: Factoriser = field(default_factory=Factoriser)
@@ -89,6 +92,7 @@ class Shared:
     counts: dict[float, int] = field(default_factory=dict)
     near: tuple[Factor, float] | None = None
     keeps: bool = False
+    guess: FloatArray | None = None
     _norms: tuple[float, float] | None = None
 
     def norms_of(self, pencil: PlainPencil) -> tuple[float, float]:
@@ -396,7 +400,7 @@ class _Solver:
         self.shared = backend if isinstance(backend, Shared) else Shared(Factoriser(backend))
         self._images: tuple[FloatArray, FloatArray, FloatArray] | None = None
         self._at_end: tuple[Factor, float] | None = None
-        self.factorisations = 0
+        self.factorisations, self.allowed = 0, RESIDUAL
         self.stiffness_norm, self.mass_norm = self.shared.norms_of(pencil)
         self.norm_ratio = self.stiffness_norm / self.mass_norm
 
@@ -536,6 +540,8 @@ class _Solver:
         expected = below_high - below_low
         if expected <= 0:
             return np.empty(0), np.empty((self.pencil.dof, 0))
+        if self.shared.guess is not None and (near := self._from_guess(low, high, expected)):
+            return near
         if expected > Basis.slice_of(self.pencil.dof):
             return self._halves(low, high, below_low, below_high)
         # half-way in lambda: the pairs nearest to the shift are then those of the band, not those below it
@@ -555,6 +561,18 @@ class _Solver:
                 break
         if len(values) != expected:
             raise CountMismatch(self._mismatch(low, high, expected, len(values)))
+        return values, vectors
+
+    def _from_guess(self, low: float, high: float, expected: int) -> tuple[FloatArray, FloatArray] | None:
+        """The pairs of an interval from motions near them; None where these do not lead to all of them."""
+        guess, self.shared.guess = self.shared.guess, None
+        assert guess is not None
+        factor, shift = next(self.factors(0.5 * (low + high), SEARCHED))
+        values, vectors = followed(self.pencil, guess, factor.solve, (low, high), FOLLOWED * self.stiffness_norm)
+        if len(values) != expected or not (self.residual(values, vectors) <= FOLLOWED).all():
+            return None
+        self.allowed = FOLLOWED
+        self.shared.near = (factor, shift) if self.shared.keeps else None
         return values, vectors
 
     def _from_the_end(self, low: float, high: float, expected: int) -> tuple[FloatArray, FloatArray] | None:
@@ -621,9 +639,9 @@ class _Solver:
         length = np.sqrt(np.einsum("ik,ik->k", vectors, heavy)) if len(values) else np.empty(0)
         vectors, heavy, self._images = vectors / length, heavy / length, None
         gram = np.abs(vectors.T @ heavy - np.eye(len(values))).max(initial=0.0)
-        if residual.max(initial=0.0) > RESIDUAL or gram > ORTHONORMAL:
+        if residual.max(initial=0.0) > self.allowed or gram > ORTHONORMAL:
             raise SolverError(
-                f"residual {residual.max(initial=0.0):.1e} (allowed {RESIDUAL:.0e}), "
+                f"residual {residual.max(initial=0.0):.1e} (allowed {self.allowed:.0e}), "
                 f"orthonormality {gram:.1e} (allowed {ORTHONORMAL:.0e}): refine the mesh or move the band"
             )
         rounding = self._rounding(values, vectors)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import starmap
@@ -278,6 +279,15 @@ class PlateModel:
             plate.stress = self._stress
             self._assembled_plates[name] = plate
         return self._assembled_plates[name]
+
+    def released(self, symmetry: str | None) -> PlateModel | None:
+        """The plate without its supports, in the degrees of freedom of a class; None where supports hold some at rest."""
+        plate = self.assembled(symmetry).released()
+        if plate is None:
+            return None
+        other = copy(self)
+        other.tiling, other._assembled_plates = plate.tiling, {symmetry or WHOLE: plate}
+        return other
 
     def prestress(self) -> tuple[RestStress, float]:
         """Load the plate with the thermal stress that its supports cause, and return it with the factor to buckling."""

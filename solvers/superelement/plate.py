@@ -9,6 +9,7 @@ the symmetry class forbids them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from operator import attrgetter
 from typing import TypeVar
@@ -28,7 +29,7 @@ from solvers.superelement.cell import Cell, Expansion, PlacedCell, SurfaceRule, 
 from solvers.superelement.clamped import softened
 from solvers.superelement.interface import OFFSETS, SIDES, VERTICES, Interface
 from solvers.superelement.prestress import Prestress
-from solvers.superelement.supports import Action, Hold, actions, at_edge, full_panels, held_dofs, rigid_count
+from solvers.superelement.supports import Action, Hold, actions, at_edge, full_panels, held_dofs, rigid_count, softness
 
 Kept = TypeVar("Kept")
 WHOLE = ""  # no mirror: every panel is assembled
@@ -141,8 +142,23 @@ class AssembledPlate:
     @cached_property
     def actions(self) -> list[Action]:
         """Springs, dampers and masses in the plate's degrees of freedom."""
-        placed = list(zip(self.grid.representative_cells(), self.placed_cells, strict=True))
-        return actions(self.tiling, placed, self.dof)
+        return actions(self.tiling, self._placed_panels, self.dof)
+
+    @property
+    def _placed_panels(self) -> list[tuple[tuple[int, int], PlacedCell]]:
+        return list(zip(self.grid.representative_cells(), self.placed_cells, strict=True))
+
+    def softness(self, value: float) -> tuple[float, float]:
+        """Bounds t, f of what springs and masses of the supports add: E <= t (K + l M), F <= f (M + K / l), l scaled."""
+        return softness(self.tiling, self._placed_panels, self.scale, value)
+
+    def released(self) -> AssembledPlate | None:
+        """The plate without its supports, in the same degrees of freedom; None where they hold or load some."""
+        tiling = replace(self.tiling, supports=())
+        held = any(each.held_axes for each in self.tiling.supports) or self.stress is not None
+        if held or any(tiling.free_sides(*place) != self.tiling.free_sides(*place) for place in tiling.feet):
+            return None
+        return AssembledPlate(tiling, self.grid.cells, self.symmetry, self.grid)
 
     def damping(self, vectors: FloatArray) -> FloatArray:
         """Scaled damping of the supports between motions (dof, k), (k, k)."""

@@ -14,6 +14,7 @@ from math import pi
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import solve_triangular
 
 from geometry.elements import FloatArray, IntArray
 from geometry.supports import Support
@@ -111,19 +112,69 @@ def actions(tiling: Tiling, placed: Placed, dof: int) -> list[Action]:
     ]
 
 
-def _action(tiling: Tiling, placed: Placed, dof: int, support: Support) -> Action:
+def softness(tiling: Tiling, placed: Placed, scale: Scale, value: float) -> tuple[float, float]:
+    """Bound what springs and masses add to a plate's K and M: E <= t (K + l M), F <= f (M + K / l).
+
+    Each panel bears its own part of E and F alone, so that the worst panel bounds them all.
+
+    Parameters
+    ----------
+    tiling : Tiling
+        Panels and supports of the plate.
+    placed : sequence of tuple
+        Column and row of each panel that is assembled, with its cell.
+    scale : Scale
+        Units of the cells.
+    value : float
+        l, scaled.
+
+    Returns
+    -------
+    t, f : float
+        Dimensionless; infinite for a panel whose K + l M is not positive.
+    """
+    total = np.zeros(2)
+    for support in tiling.supports:
+        length, worst = _length_m(tiling, support), np.zeros(2)
+        for each, weights, rows in _parts(tiling, placed, support):
+            live = np.flatnonzero(each.coefficient[: rows.shape[2]] != 0.0)
+            inside = np.flatnonzero(each.coefficient != 0.0)
+            try:
+                lower = np.linalg.cholesky((each.cell.stiffness + value * each.cell.mass)[np.ix_(inside, inside)])
+            except np.linalg.LinAlgError:
+                return np.inf, np.inf
+            motion = np.zeros((len(inside), *rows.shape[:2]))
+            motion[: len(live)] = (np.sqrt(weights)[:, None, None] * rows[:, :, live]).transpose(2, 0, 1)
+            answer = solve_triangular(lower, motion.reshape(len(inside), -1), lower=True).reshape(motion.shape)
+            share = [np.linalg.norm(part.reshape(len(inside), -1), 2) ** 2 for part in (answer[..., 2], answer)]
+            worst = np.maximum(worst, share)
+        stiffness = support.stiffness_of(length) / (scale.young_pa * scale.length_m)
+        total += worst * (stiffness, value * support.mass_kg / scale.mass_kg)
+    return float(total[0]), float(total[1])
+
+
+def _length_m(tiling: Tiling, support: Support) -> float:
+    """Length of the edge that a support is on."""
     lines = tiling.y if support.edge[:1] == "x" else tiling.x
-    length = float(lines[-1] - lines[0])
-    weights, entries = [np.empty(0)], []
+    return float(lines[-1] - lines[0])
+
+
+def _parts(tiling: Tiling, placed: Placed, support: Support) -> Iterator[tuple[PlacedCell, FloatArray, FloatArray]]:
+    """Panels that a support meets, with the weights (q,) of its points on one of them and u (q, 3, n) there."""
+    length = _length_m(tiling, support)
     for place, each in placed:
         found = (
             _on_edge(tiling, place, each, support, length) if support.edge else _on_disc(tiling, place, each, support)
         )
         if found is not None:
-            weights.append(each.copies * found[0])
-            entries.append((each, found[1]))
-    rows = tuple(_stacked([(each, part[:, axis]) for each, part in entries], dof) for axis in range(3))
-    return Action(support, length, np.concatenate(weights), (rows[0], rows[1], rows[2]))
+            yield each, *found
+
+
+def _action(tiling: Tiling, placed: Placed, dof: int, support: Support) -> Action:
+    parts = list(_parts(tiling, placed, support))
+    weights = [np.empty(0), *(each.copies * own for each, own, _ in parts)]
+    rows = tuple(_stacked([(each, part[:, axis]) for each, _, part in parts], dof) for axis in range(3))
+    return Action(support, _length_m(tiling, support), np.concatenate(weights), (rows[0], rows[1], rows[2]))
 
 
 def _stacked(entries: Sequence[tuple[PlacedCell, FloatArray]], dof: int) -> sp.csr_array:

@@ -17,8 +17,11 @@ from pipeline.case.model import Case, case_from_dict, parsed
 from pipeline.case.reading import apply_overrides
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.models.modes import solve_modes
+from pipeline.models import modes
+from pipeline.models.answer_parts import TargetMode
+from pipeline.models.modes import solve_modes, without_supports
 from pipeline.planning.model_choice import Request
+from pipeline.planning.plan import modes_step
 from pipeline.planning.resource_estimate import pillar_count
 from pipeline.records.record import DesignRecord
 from solvers.analytic.beams import free_free_mode, roots, zone_mode
@@ -257,3 +260,30 @@ def test_tetrahedra_of_the_cad_have_the_same_modes() -> None:
     for one, other in zip(ours, theirs, strict=True):
         assert one.error is not None and other.error is not None
         assert one.frequency_hz == pytest.approx(other.frequency_hz, rel=one.error + other.error)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("edge", ["y-", "x+"])
+def test_the_plate_without_its_foam_follows_from_that_on_it(edge: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As solved again, inside a hundredth of its bars: frequency, level, MAC, strength, and which modes rival it."""
+    foam = {"kind": "foam", "edge": edge, "stiffness_N_per_m2": 3e3}
+    larger = {"thickness_mm": 1.0, "length_mm": 30.0, "width_mm": 26.0}
+    case = case_from_dict({**RAW, "plate": larger, "solve": {"accuracy": 0.1}, "support": [foam]})
+    request, log = Request(), TerminalLog(True)
+    solved = solve_modes(case, request, log, modes_step(case, request).choice)
+    followed = without_supports(case, request, solved, log)
+    monkeypatch.setattr(modes, "_released", lambda *_: (None, None))
+    again = without_supports(case, request, solved, log)
+    assert followed and again and followed.dof >= again.dof and followed.count.high_hz < again.count.high_hz
+    own, other = (each.target_part() for each in (followed, again))
+    assert isinstance(own, TargetMode) and isinstance(other, TargetMode)
+    assert own.frequency_hz == pytest.approx(other.frequency_hz, rel=0.01 * (other.frequency_error or 0.0))
+    assert own.frequency_error == pytest.approx(other.frequency_error, rel=0.1)
+    assert own.confinement_db == pytest.approx(other.confinement_db, abs=0.01 * (other.confinement_error_db or 0.0))
+    assert own.mac == pytest.approx(other.mac, abs=0.01 * (other.mac_error or 0.0))
+    assert own.strength == pytest.approx(other.strength, abs=0.01 * (other.strength_error or 0.0))
+    assert (own.status, len(own.rivals)) == (other.status, len(other.rivals))
+    below = [row.frequency_hz for row in followed.rows]
+    assert below == pytest.approx(
+        [r.frequency_hz for r in again.rows if r.frequency_hz < followed.count.high_hz], rel=1e-4
+    )
