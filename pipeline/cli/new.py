@@ -64,10 +64,11 @@ def run(arguments: Namespace) -> int:
             near = known_as(wishes[key])
             raise InputError(f"{option(key)} = {wishes[key]}: must be one of {', '.join(MATERIALS)}{near}")
     target_hz = parse_frequency(str(wishes["target"]), "--target")
-    text = solved_text(place, wishes, target_hz, TerminalLog(arguments.quiet))
-    write_file(place, text.encode())
+    log = TerminalLog(arguments.quiet)
     if doubt := _brittle(wishes):
-        TerminalLog(arguments.quiet).warning("PILLARS", doubt)
+        log.warning("PILLARS", doubt)
+    text = solved_text(place, wishes, target_hz, log)
+    write_file(place, text.encode())
     print(f"wrote {place}; next: antinode predesign {place}, antinode bands {place}, antinode modes {place}")
     return 0
 

@@ -83,7 +83,9 @@ def aim(sized: Callable[[float], Case], target_hz: float, progress: Log) -> Aime
 
 def _solved(case: Case, theory_hz: float, progress: Log) -> Aimed | None:
     """The target mode of a design, solved quickly; None without one."""
-    quick = case.but({"solve.accuracy": ACCURACY})
+    quick, pillar = case.but({"solve.accuracy": ACCURACY}), case.design.pillar
+    height = f", pillars {figure(pillar.height_m / MM)} mm tall" if pillar else ""
+    progress.info(f"solve a zone {figure(case.design.width_m / MM)} mm wide{height}")
     row = solve_modes(quick, Request("plate", symmetry=case.target_symmetry), WarningLog()).target_row
     place = f"zone {figure(case.design.width_m / MM)} mm wide"
     if row is None:

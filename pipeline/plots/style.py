@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 PICTURES = "pictures"
 WIDTH_IN = 7.6
+POINTS_IN, LETTER_EM = 72.0, 0.56  # points of an inch; mean width of a letter of a legend
 DPI = 150
 POINTS_PER_IN = 72  # length unit of an SVG
 PNG_LEVEL = 4  # of 9: half the time of the default 6 for files 5 % larger
@@ -124,8 +125,10 @@ def mm_axes(axes: Axes, x: str = "x", y: str = "y") -> None:
 
 
 def legend_below(figure: Figure, handles: Any, labels: Any, columns: int = 3, size: float = 9.0) -> None:
-    """Draw one legend for all panels, below them."""
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, len(labels)), fontsize=size)
+    """Draw one legend for all panels, below them, in as many columns as the figure is wide."""
+    widest = size * (LETTER_EM * max(map(len, labels), default=0) + 4.0) / POINTS_IN
+    fitting = max(1, int(figure.get_figwidth() / widest))
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, len(labels), fitting), fontsize=size)
 
 
 def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:

@@ -362,14 +362,16 @@ def _panel_a_line(lines: dict[str, list[tuple[int, tuple[Any, ...]]]]) -> Any:
     """Draw a panel for each line of (rows, levels), with common axes and one legend below."""
     columns = min(len(lines), MAX_PANELS)
     deep = -(-len(lines) // columns)
-    figure, panels = style.panels(0.6 + 2.6 * deep, deep, columns, sharex=True, sharey=True, squeeze=False)
+    tall = 2.4 + 0.2 * max(1 + name.count(", ") for name in lines)
+    figure, panels = style.panels(0.6 + tall * deep, deep, columns, sharex=True, sharey=True, squeeze=False)
     for axes, (name, line) in zip(panels.flat, lines.items(), strict=False):
         rows = [count for count, _ in line]
         for (label, look), series in zip(
             ROWS_LOOKS.items(), np.array([each for _, each in line], dtype=float).T, strict=True
         ):
             axes.plot(rows, series, label=label, **look)
-        axes.set(xticks=sorted({count for each in lines.values() for count, _ in each}), title=name)
+        axes.set(xticks=sorted({count for each in lines.values() for count, _ in each}))
+        axes.set_title(name.replace(", ", "\n"), fontsize=9)
         axes.axhline(CONFINED_DB, color=style.GREEN, lw=1.0, ls="--")
         axes.grid(True)
     for axes in panels.flat[len(lines) :]:

@@ -416,9 +416,13 @@ def sentences(study: StoredStudy) -> list[str]:
         tones = " and ".join(dict.fromkeys(map(khz, bands.bending_at_m_hz, bands.bending_errors)))
         whose = f" of plate {best.case_id}" if len(plates(study)) > 1 else ""
         said.append(f"The pillars' bending bands of the unit cell{whose} meet M at {tones}.")
+    without: dict[str, list[str]] = {}
     for case in study.cases:
         if not case.record.answered:
-            said.append(f"{case.case_id} has no result: {case.record.diagnosis}.")
+            without.setdefault(case.record.diagnosis, []).append(case.case_id)
+    for diagnosis, names in without.items():
+        who = f"{names[0]} has" if len(names) == 1 else f"{len(names)} cases, {names[0]} the first, have"
+        said.append(f"{who} no result: {diagnosis}.")
     return said
 
 

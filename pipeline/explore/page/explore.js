@@ -133,7 +133,7 @@ async function refresh() {
 }
 
 function headline(found) {
-  const plate = found.plate, gap = [...found.bands.gaps].sort((a, b) => (b.upper_hz - b.lower_hz) - (a.upper_hz - a.lower_hz))[0];
+  const plate = found.plate;
   const numbers = [];
   if (plate.why_not) numbers.push(["Target mode", "none", plate.why_not]);
   else {
@@ -144,12 +144,31 @@ function headline(found) {
     const decay = decayAt(found.rows, plate.frequency_hz);
     if (decay !== null) numbers.push(["Decay per row", level(decay, null), "at the target frequency and wavenumber"]);
   }
-  if (gap) numbers.push(["Widest gap", interval(gap.lower_hz, gap.upper_hz, gap.error), gap.error === null ? "the bar of its edges is not known" : `edges at most ${figure(100 * gap.error, 100 * gap.error)} % too high`]);
-  else numbers.push(["Widest gap", "none", "among the ten lowest bands"]);
+  numbers.push(["Decay band", ...decayBand(found)]);
   const worst = Math.max(...found.bands.error);
   const mesh = found.bands.mesh_error, told = mesh === null ? "at most by the bases; what the mesh adds is not known" : `at most, and ${figure(100 * Math.max(...mesh), 100 * Math.max(...mesh))} % by the mesh`;
   numbers.push(["Error of the bands", `${figure(100 * worst, 100 * worst)} %`, told]);
   return numbers;
+}
+// where the rows take CONFINED_DB from the flexural wave: about the target frequency, else the widest such interval
+const CONFINED_DB = 10;
+function decayBand(found) {
+  const rows = found.design.rows, hz = found.rows.frequency_hz, least = CONFINED_DB / rows, bands = [];
+  if (!rows || !hz.length) return ["none", rows ? "the target wavenumber lies beyond the zone's edge" : "there are no rows"];
+  const level = found.rows.db_per_row.map((v) => v === null ? Infinity : v); // null: steeper than any that is followed
+  const edge = (i, j) => Number.isFinite(level[i] + level[j]) ? hz[i] + (hz[j] - hz[i]) * (least - level[i]) / (level[j] - level[i]) : hz[j];
+  for (let i = 0; i < hz.length; i++) {
+    if (level[i] < least) continue;
+    const first = i;
+    while (i + 1 < hz.length && level[i + 1] >= least) i++;
+    bands.push([first ? edge(first - 1, first) : hz[0], i + 1 < hz.length ? edge(i + 1, i) : hz[i]]);
+  }
+  const tone = found.plate.why_not ? NaN : found.plate.frequency_hz, wide = (band) => band[1] - band[0];
+  const own = bands.find(([low, high]) => low <= tone && tone <= high) || bands.sort((a, b) => wide(b) - wide(a))[0];
+  const who = rows === 1 ? "the row takes" : `${rows} rows take`;
+  if (!own) return ["none", `nowhere from ${interval(hz[0], hz[hz.length - 1])} ${rows === 1 ? "does the row" : `do ${rows} rows`} take ${CONFINED_DB} dB`];
+  const whole = own[0] === hz[0] && own[1] === hz[hz.length - 1] ? ", or more widely" : "";
+  return [interval(...own), `${who} at least ${CONFINED_DB} dB${whole}`];
 }
 function decayAt(rows, hz) {
   const x = rows.frequency_hz, y = rows.db_per_row;
@@ -186,6 +205,11 @@ function steps(high) {
   const raw = high / 5, power = 10 ** Math.floor(Math.log10(raw || 1));
   const step = [1, 2, 5, 10].map((n) => n * power).find((n) => n >= raw);
   return Array.from({ length: Math.floor(high / step + 1e-9) + 1 }, (_, i) => i * step);
+}
+// ticks of an axis that begins at `low`: pairs of distance from it and text
+function ticks(low, high, unit) {
+  const step = steps((high - low) / unit)[1] || 1, first = Math.ceil(low / unit / step - 1e-9);
+  return Array.from({ length: Math.max(0, Math.floor(high / unit / step + 1e-9) - first + 1) }, (_, i) => [(first + i) * step * unit - low, String(Number(((first + i) * step).toPrecision(6)))]);
 }
 function frame(svg, xHigh, yHigh, xText, yText, xSteps) {
   svg.replaceChildren();
@@ -278,8 +302,9 @@ function drawDecay(found, before) {
   if (!rows.frequency_hz.length) { svg.replaceChildren(); put(svg, "text", { x: 20, y: 40 }, "the target wavenumber lies beyond the zone's edge"); return; }
   const low = rows.frequency_hz[0], span = rows.frequency_hz[rows.frequency_hz.length - 1] - low;
   const known = rows.db_per_row.filter((v) => v !== null), high = Math.max(1, ...known) * 1.08;
-  const ticks = steps(low + span).map((v) => [(v - low), (v / 1000).toFixed(0)]).filter(([v]) => v >= 0);
-  const at = frame(svg, span, high, "frequency (kHz)", "decay per row (dB)", ticks);
+  const at = frame(svg, span, high, "frequency (kHz)", "decay per row (dB)", ticks(low, low + span, 1000));
+  const least = CONFINED_DB / found.design.rows;
+  if (least <= high) put(svg, "line", { class: "least", x1: at.left, x2: at.left + at.width, y1: at.y(least), y2: at.y(least) });
   const inside = (other) => other.db_per_row.map((v, i) => (v !== null && v <= high && other.frequency_hz[i] >= low && other.frequency_hz[i] <= low + span) ? v : null);
   if (before && before.rows.frequency_hz.length) curve(svg, "before", at, before.rows.frequency_hz.map((v) => v - low), inside(before.rows));
   curve(svg, "line", at, rows.frequency_hz.map((v) => v - low), rows.db_per_row);
@@ -336,12 +361,13 @@ function drawCloud() {
   for (const id of ["by-frequency", "by-mass"]) $(id).replaceChildren();
   if (!points.length) return;
   for (const [id, text, value] of [["by-frequency", "frequency (kHz)", (p) => p.frequency_hz / 1000], ["by-mass", "mass (g)", (p) => p.mass_g]]) {
-    const svg = $(id), far = Math.max(...points.map(value)) * 1.03, at = frame(svg, far, Math.max(high, 10) * 1.05, text, "confinement (dB)", steps(far).map((v) => [v, String(Number(v.toPrecision(6)))]));
-    put(svg, "line", { class: "least", x1: at.left, x2: at.left + at.width, y1: at.y(10), y2: at.y(10) });
+    const svg = $(id), own = points.map(value), room = 0.03 * Math.max(...own), low = Math.min(...own) - room, far = Math.max(...own) + room;
+    const at = frame(svg, far - low, Math.max(high, CONFINED_DB) * 1.05, text, "confinement (dB)", ticks(low, far, 1));
+    put(svg, "line", { class: "least", x1: at.left, x2: at.left + at.width, y1: at.y(CONFINED_DB), y2: at.y(CONFINED_DB) });
     for (const p of [...points].sort((a, b) => best.has(a) - best.has(b))) {
       if (p.confinement_db < 0) continue;
       const label = `${level(p.confinement_db, p.confinement_error_db)}, ${frequency(p.frequency_hz, p.frequency_error)}, ${figure(p.mass_g)} g`;
-      const dot = put(svg, "circle", { class: best.has(p) ? "dot front" : "dot", cx: at.x(value(p)).toFixed(1), cy: at.y(p.confinement_db).toFixed(1), r: best.has(p) ? 4.5 : 3 });
+      const dot = put(svg, "circle", { class: best.has(p) ? "dot front" : "dot", cx: at.x(value(p) - low).toFixed(1), cy: at.y(p.confinement_db).toFixed(1), r: best.has(p) ? 4.5 : 3 });
       if (best.has(p)) { dot.setAttribute("tabindex", "0"); dot.setAttribute("role", "button"); dot.setAttribute("aria-label", `Take the design with ${label}`); }
       put(dot, "title", {}, label);
       dot.addEventListener("click", () => take(p.design));
@@ -351,7 +377,7 @@ function drawCloud() {
 }
 
 function drawPins() {
-  const heads = ["Design", ...Object.values(state.limits).map((limit) => limit.word), "Target", "Confinement", "Widest gap"];
+  const heads = ["Design", ...Object.values(state.limits).map((limit) => limit.word), "Target", "Confinement", "Decay band"];
   const row = (tag, texts) => {
     const tr = document.createElement("tr");
     tr.append(...texts.map((text) => text instanceof Node ? text : Object.assign(document.createElement(tag), { textContent: text })));
@@ -365,10 +391,10 @@ function drawPins() {
       button.addEventListener("click", act);
       cell.append(button);
     }
-    const plate = pin.plate, gap = pin.bands.gaps.map((g) => [g.upper_hz - g.lower_hz, g]).sort((a, b) => b[0] - a[0])[0];
+    const plate = pin.plate;
     return row("td", [cell, ...Object.keys(state.limits).map((name) => String(pin.design[name])),
       plate.why_not ? "none" : frequency(plate.frequency_hz, plate.frequency_error), plate.why_not || plate.confinement_db === null ? "none" : level(plate.confinement_db, plate.confinement_error_db),
-      gap ? interval(gap[1].lower_hz, gap[1].upper_hz, gap[1].error) : "none"]);
+      decayBand(pin)[0]]);
   }));
   $("pin").disabled = state.pins.length >= MAX_PINS;
   $("pin").textContent = state.pins.length >= MAX_PINS ? `${MAX_PINS} designs pinned: unpin one below` : "Pin this design";
