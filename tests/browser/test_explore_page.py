@@ -177,6 +177,23 @@ def test_a_dot_of_the_cloud_sets_the_sliders(opened: Callable[..., Any]) -> None
     assert page.locator("#pins tbody tr").count() == 0 and not page.faults
 
 
+def test_the_decay_band_is_where_all_rows_together_take_ten_decibels(opened: Callable[..., Any]) -> None:
+    """Its edges lie between points, where the line through both crosses 10 dB over the rows; null is too steep to follow."""
+    page = opened()
+
+    def band(rows: int, levels: list[float | None], target: float = 25e3) -> list[str]:
+        tones = [10e3, 20e3, 30e3, 40e3]
+        found = {"design": {"rows": rows}, "rows": {"frequency_hz": tones, "db_per_row": levels}}
+        return page.evaluate("(found) => decayBand(found)", {**found, "plate": {"frequency_hz": target}})
+
+    assert band(2, [0.0, 10.0, 10.0, 0.0]) == ["15.0 to 35.0 kHz", "2 rows take at least 10 dB"]
+    assert band(4, [0.0, 10.0, 10.0, 0.0])[0] == "12.5 to 37.5 kHz"
+    assert band(1, [0.0, 9.0, 9.9, 0.0])[0] == "none" and band(0, [0.0, 10.0, 10.0, 0.0])[0] == "none"
+    assert band(1, [12.0, 0.0, 20.0, None], 11e3)[0] == "10.0 to 11.7 kHz"  # the one about the target mode
+    assert band(1, [12.0, 0.0, 20.0, None], 19e3)[0] == "25.0 to 40.0 kHz"  # else the widest
+    assert band(1, [12.0, 12.0, None, 12.0]) == ["10.0 to 40.0 kHz", "the row takes at least 10 dB, or more widely"]
+
+
 def test_the_cloud_keeps_to_a_window_of_frequencies(opened: Callable[..., Any]) -> None:
     """Dots of both pictures, and the front among them, are those of the designs in it; an empty end is open."""
     page = opened()

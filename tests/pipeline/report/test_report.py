@@ -28,7 +28,7 @@ from pipeline.report.html import Page as Script
 from pipeline.report.html import Section, Table, write_page
 from tests.helpers import synthetic
 
-VOID = {"meta", "link", "img", "input", "br", "hr"}
+VOID = {"meta", "link", "img", "input", "br", "hr", "wbr"}
 
 
 class Page(HTMLParser):
