@@ -420,8 +420,8 @@ def sentences(study: StoredStudy) -> list[str]:
     for case in study.cases:
         if not case.record.answered:
             without.setdefault(case.record.diagnosis, []).append(case.case_id)
-    for diagnosis, names in without.items():
-        who = f"{names[0]} has" if len(names) == 1 else f"{len(names)} cases, {names[0]} the first, have"
+    for diagnosis, failed in without.items():
+        who = f"{failed[0]} has" if len(failed) == 1 else f"{len(failed)} cases, {failed[0]} the first, have"
         said.append(f"{who} no result: {diagnosis}.")
     return said
 
