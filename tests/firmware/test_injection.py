@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from firmware import injection
+from firmware import injection, injection_jobs, injection_rig
 from firmware.build import BuildError
 from firmware.closed_loop import held_plate
 from firmware.emulate.plant import Beam, measured_table
@@ -22,13 +22,13 @@ from tests.helpers.hosted_boards import HostedSix, Rig, restore, save
 
 @pytest.fixture
 def rig(core):
-    return injection.held()
+    return injection_rig.held()
 
 
 def check(seconds: float, stride: int) -> None:
-    rows = list(injection.rig_rows(seconds, stride))
-    flips, swinging = 1, len(injection.LATER) * len(injection.SWINGS)
-    assert len(rows) == len(injection.TRIPS) + len(injection.SENSORS) + swinging + flips
+    rows = list(injection_rig.rig_rows(seconds, stride))
+    flips, swinging = 1, len(injection_rig.LATER) * len(injection_rig.SWINGS)
+    assert len(rows) == len(injection_rig.TRIPS) + len(injection_rig.SENSORS) + swinging + flips
     for row in rows:
         assert row.moments == -(-round(seconds * 250e3) // stride) and row.is_sound, row.text
     assert rows[-1].latched and rows[-1].held  # bits of both kinds were among them
@@ -43,6 +43,32 @@ def test_whatever_breaks_at_every_tick_ends_at_rest(core) -> None:
     check(1.0, 1)
 
 
+def check_jobs(seconds: float, stride: int) -> None:
+    rows = list(injection_jobs.rows(seconds, stride))
+    assert len(rows) == 1 + 2 + len(injection_rig.LATER) + 1 + len(injection_rig.TRIPS) + 2
+    for row in rows:
+        assert row.moments >= 5 and row.is_sound, row.text
+    assert rows[-1].latched and rows[-1].held
+
+
+def test_lifts_softening_plates_retries_and_chirps_end_as_they_should(core) -> None:
+    check_jobs(0.01, 37)
+
+
+@pytest.mark.slow
+def test_lifts_softening_plates_retries_and_chirps_at_many_moments(core) -> None:
+    check_jobs(1.0, 1)
+
+
+def test_a_lift_that_overshoots_is_not_taken_for_held(core, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rows' own judgement: less room than the lift takes, a plate that is lost, a hand that lets no try end in time."""
+    monkeypatch.setattr(injection_jobs, "LIFTED_MOST", 1.0)
+    assert not injection_jobs.lift_row(3, 199).is_sound
+    assert not injection_jobs.softening_row("softens", 30.0, 3, 199).is_sound
+    monkeypatch.setattr(injection_jobs, "TRIES_S", 1e-4)
+    assert not list(injection_jobs.retry_rows(1e-3, 37))[-1].is_sound
+
+
 @pytest.mark.slow
 def test_whatever_breaks_on_the_images_ends_at_rest(core) -> None:
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
@@ -50,7 +76,7 @@ def test_whatever_breaks_on_the_images_ends_at_rest(core) -> None:
         rows = list(injection.board_rows(0.2, 101, 17))
     except BuildError as missing:
         pytest.skip(str(missing))
-    assert len(rows) == 2 * (len(injection.BOARD_KINDS) + len(injection.SENSORS) + 1) + 1  # the break line too
+    assert len(rows) == 2 * (len(injection.BOARD_KINDS) + len(injection_rig.SENSORS) + 1) + 1  # the break line too
     for row in rows:
         assert row.is_sound, row.text
 
@@ -63,7 +89,7 @@ def test_a_bit_that_was_found_at_the_end_of_its_window_is_found_in_time(core) ->
         _, six = injection.held_images()
     except BuildError as missing:
         pytest.skip(str(missing))
-    growing = injection.bits_of(core.ffi, "an_six", ["fast.growing"])
+    growing = injection_rig.bits_of(core.ffi, "an_six", ["fast.growing"])
     six.run((13107 + 17) * six.sample_s)
     assert six.state == RUN
     with six.undone():
@@ -73,18 +99,18 @@ def test_a_bit_that_was_found_at_the_end_of_its_window_is_found_in_time(core) ->
 
 def test_an_output_that_passes_its_middle_is_not_taken_for_rest(core, rig) -> None:
     """The rig's own judgement: what no guard stops is told as unsafe."""
-    result = injection.inject(rig, rig.lib.RIG_TRIP, [0], 0.01, 37, injection.SOON, injection.FURTHER)
+    result = injection_rig.inject(rig, rig.lib.RIG_TRIP, [0], 0.01, 37, injection_rig.SOON, injection_rig.FURTHER)
     assert result.latched == result.held == 0 and result.unsafe == 68
 
 
 def test_a_plate_that_moves_further_than_allowed_is_not_taken_for_safe(core) -> None:
     """The rig's own judgement again, at every moment: less room than the sound run itself has."""
-    rig = injection.held(swings=True)
+    rig = injection_rig.held(swings=True)
     dead = [rig.lib.RIG_DEAD]
-    result = injection.inject(rig, rig.lib.RIG_SENSOR, dead, 0.02, 37, injection.LATER["dead"], 0.5)
+    result = injection_rig.inject(rig, rig.lib.RIG_SENSOR, dead, 0.02, 37, injection_rig.LATER["dead"], 0.5)
     assert result.unsafe and result.latched  # around the swing's top, and around its bottom
     assert result.broken.motion / result.sound.motion == pytest.approx(1.0, abs=0.05)
-    assert result.sound.motion == pytest.approx(injection.LEVEL, rel=0.05)
+    assert result.sound.motion == pytest.approx(injection_rig.LEVEL, rel=0.05)
     assert result.sound.drive < result.broken.drive < 1.0
 
 

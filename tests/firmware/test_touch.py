@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from firmware import injection
+from firmware import injection_rig
 from firmware.emulate.plant import Plate, Resonance
 from firmware.mode_table import Mode, ModeTable, hold, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
@@ -247,14 +247,14 @@ def test_a_drive_that_moves_nothing_is_noticed_within_four_milliseconds(make, se
 
 def test_most_moments_of_a_swinging_level_are_decided_within_100_us(core) -> None:
     """Seven in eight, where noise and a finger's damping leave one in fifty that no rule could decide (docs/board/loop.md)."""
-    rig = injection.held(swings=True)
+    rig = injection_rig.held(swings=True)
     seen, tau_s = rig.windows(0.2), tau_of(300.0)
     damping = np.geomspace(0.06, 24.0, 50)[:, None]
     decay = np.exp(-1e-4 / tau_s * damping)
     reached = seen["measured"] * decay + 0.8 * DROOP * seen["drive"] * (1.0 - decay) / damping
     assert (np.abs(reached).min(axis=0) < 2e-3).mean() < 0.02
-    dead, most = [rig.lib.RIG_DEAD], injection.LATER["dead"]
-    result = injection.inject(rig, rig.lib.RIG_SENSOR, dead, 0.05, 7, most, injection.FURTHER)
+    dead, most = [rig.lib.RIG_DEAD], injection_rig.LATER["dead"]
+    result = injection_rig.inject(rig, rig.lib.RIG_SENSOR, dead, 0.05, 7, most, injection_rig.FURTHER)
     assert result.unsafe == 0 and result.soon > 0.85 * result.latched
 
 
@@ -268,7 +268,7 @@ def test_a_sensor_that_turns_round_while_it_shows_nothing_never_doubles_the_moti
     assert rig.start(level)
     assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app.base, "texture"), 100.0, 1.0, 5000.0)
     rig.run(60e-3)
-    result = injection.inject(rig, rig.lib.RIG_SENSOR, [rig.lib.RIG_REVERSED], 0.05, 37, 1250, 2.0)
+    result = injection_rig.inject(rig, rig.lib.RIG_SENSOR, [rig.lib.RIG_REVERSED], 0.05, 37, 1250, 2.0)
     assert result.unsafe == 0 and result.latched == 338
 
 
@@ -283,7 +283,7 @@ def test_a_sensor_that_dies_at_a_low_level_is_told_before_the_plate_moves_far(
     assert rig.start(level)
     assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app.base, "texture"), rate_hz, 1.0, 5000.0)
     rig.run(60e-3)
-    result = injection.inject(rig, rig.lib.RIG_SENSOR, [rig.lib.RIG_DEAD], 0.05, 211, 25000, 100.0)
+    result = injection_rig.inject(rig, rig.lib.RIG_SENSOR, [rig.lib.RIG_DEAD], 0.05, 211, 25000, 100.0)
     assert result.unsafe == 0 and result.broken.motion < 0.13
 
 
