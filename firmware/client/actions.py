@@ -19,9 +19,10 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware.client.client import BoardError, Client, Refused, amplitude, figure, given_up
-from firmware.mode_table import PERIOD, RATE_HZ
+from firmware.mode_table import PERIOD, PIN_VOLTS, RATE_HZ
 from firmware.protocol import PAYLOAD_MAX, PROTOCOL, Identity, Record, SingleStatus, SixStatus
 
+CODE_MIDDLE, CODE_SWING = 2048, 2047  # of ADC and DAC at rest, and of the DAC's amplitude
 FADE_S = 1.0  # twice the longest time from a stop to rest
 LOOK_S = 0.1  # between two status requests, which also keep up the contact with the board
 DRIVING = ("identify", "run")
@@ -287,13 +288,15 @@ def log(client: Client, text: argparse.Namespace) -> str:
 def capture(client: Client, text: argparse.Namespace) -> str:
     """Write the raw converter codes, sample by sample, to a CSV file.
 
-    Each row holds the ADC codes, then those of the DAC or of the timers' compare registers.
+    Each row holds the ADC codes, then those of the DAC or of the timers' compare registers. Where the table has metres
+    per volt, the inputs follow in um, and the DAC's output in V.
 
     Raises
     ------
     BoardError
         If the capture stalls.
     """
+    metres = client.status().metres
     client.capture(text.every)
     words: list[int] = []
     total, heard = 1, time.monotonic()
@@ -306,7 +309,7 @@ def capture(client: Client, text: argparse.Namespace) -> str:
             raise BoardError(f"capture: stalled at {len(words)} of {total} words: check that the board is sampling")
         elif len(words) < total:
             time.sleep(min(LOOK_S, row_s))
-    _write_capture(text.file, words, part.row, row_s)
+    _write_capture(text.file, words, part.row, row_s, metres)
     return f"{text.file}: {len(words) // part.row} rows, one every {1e6 * row_s:g} us"
 
 
@@ -402,13 +405,17 @@ def _bars(result: SingleStatus | SixStatus, traces: dict[str, str]) -> list[str]
     return [f"state {result.state}{faults}", *bars]
 
 
-def _write_capture(file: Path, words: list[int], row: int, row_s: float) -> None:
+def _write_capture(file: Path, words: list[int], row: int, row_s: float, metres: float) -> None:
     channels = range(1, row // 2 + 1)
+    physical = [f"input_{i}_um" for i in channels] + ["output_1_V"] * (row == 2) if metres > 0.0 else []
     with file.open("w", newline="") as opened:
         rows = csv.writer(opened)
-        rows.writerow(["time_s", *(f"input_{i}" for i in channels), *(f"output_{i}" for i in channels)])
+        rows.writerow(["time_s", *(f"input_{i}" for i in channels), *(f"output_{i}" for i in channels), *physical])
         for index in range(len(words) // row):
-            rows.writerow([f"{index * row_s:.9g}", *words[index * row : (index + 1) * row]])
+            codes = words[index * row : (index + 1) * row]
+            inputs = [1e6 * metres * (code - CODE_MIDDLE) / CODE_MIDDLE for code in codes[: row // 2]]
+            values = [*inputs, PIN_VOLTS * (codes[-1] - CODE_MIDDLE) / CODE_SWING][: len(physical)]
+            rows.writerow([f"{index * row_s:.9g}", *codes, *(f"{value:.6g}" for value in values)])
 
 
 def _records(client: Client, seconds: float | None) -> Iterator[Record]:

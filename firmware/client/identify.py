@@ -18,6 +18,7 @@ import numpy as np
 from firmware.client.chirp import FULL_SCALE, WINDOW_S, Complexes, Fit, Floats, Mode, Sweep, fit, without_delay
 from firmware.client.client import OTHER_VERSION, BoardError, Client
 from firmware.client.margins import GAIN_LEAST_DB, PHASE_LEAST_DEG, Loop, widest
+from firmware.mode_table import PIN_VOLTS
 from firmware.protocol import CHIRP_ROWS, Chirp, Flag, Measured, SingleStatus
 
 SEARCH_SHARE = 0.04  # of the frequency, to either side
@@ -107,6 +108,8 @@ class Found:
         Relative change of the response with the level.
     seconds : float
         Duration on the board.
+    metres : float
+        Motion at full scale of the sensor, in m; 0 if the table does not give it.
     """
 
     values: Measured
@@ -117,6 +120,7 @@ class Found:
     table_hz: float
     bent: float
     seconds: float
+    metres: float = 0.0
 
 
 def measure(client: Client, sweep: Sweep, level: float, drive_limit: float, least: int) -> Response:
@@ -185,7 +189,7 @@ def identify(client: Client) -> Found:
     values, chosen, coherence, best = _values(board, found)
     client.set(values)
     seconds = (client.status().windows - began) % 2**32 * WINDOW_S
-    return Found(values, found, best, coherence, chosen, board.frequency_hz, bent, seconds)
+    return Found(values, found, best, coherence, chosen, board.frequency_hz, bent, seconds, status.metres)
 
 
 def _search(client: Client, board: Board) -> tuple[Response, Mode]:
@@ -412,26 +416,47 @@ def _neighbour(response: Response, best: Fit, delay_s: float) -> float:
     return float(size[(away < NEIGHBOUR_HZ) & (np.abs(lines_hz) < BAND / sweep.step_s)].max())
 
 
+class Units(NamedTuple):
+    """Words for fractions of full scale: micrometres, and volts at the DAC, where the table has the motion at full scale."""
+
+    metres: float
+
+    def motion(self, share: float) -> str:
+        """Write an amplitude."""
+        return f"{1e6 * self.metres * share:.2g} um" if self.metres > 0.0 else f"{share:.2g} of full scale"
+
+    def gain(self, gain: float, digits: str) -> str:
+        """Write a response, sensor over drive."""
+        scale = 1e6 * self.metres / PIN_VOLTS
+        return f"{scale * gain:{digits}} um/V" if self.metres > 0.0 else f"{gain:{digits}}"
+
+    def law(self, gain: float) -> str:
+        """Write a gain of the loop, drive over sensor."""
+        return f"{gain * PIN_VOLTS / (1e6 * self.metres):.3g} V/um" if self.metres > 0.0 else f"{gain:.3g}"
+
+
 def describe(found: Found) -> str:
     """Describe an identification for a reader."""
     values, fitted, chosen = found.values, found.fit, found.loop
     off = 100.0 * (values.frequency_hz / found.table_hz - 1.0)
     quality = math.pi * values.frequency_hz * values.tau_s
-    carrier = found.response.sweep.carrier_hz
+    carrier, units = found.response.sweep.carrier_hz, Units(found.metres)
     others = "".join(
-        f"; another one at {carrier + mode.away_hz:.1f} Hz, gain {abs(mode.gain):.3g}" for mode in fitted.modes[1:]
+        f"; another one at {carrier + mode.away_hz:.1f} Hz, gain {units.gain(abs(mode.gain), '.3g')}"
+        for mode in fitted.modes[1:]
     )
     bent = f", {100.0 * found.bent:.1f} % softer or stiffer at four times the level" if found.bent > LINEAR else ""
     return "\n".join(
         [
-            f"mode {values.frequency_hz:.2f} Hz ({off:+.2f} % from the table), Q {quality:.1f}, gain {abs(values.gain):.4g} "
+            f"mode {values.frequency_hz:.2f} Hz ({off:+.2f} % from the table), Q {quality:.1f}, "
+            f"gain {units.gain(abs(values.gain), '.4g')} "
             f"within {100.0 * fitted.modes[0].gain_error:.2g} %, delay {1e6 * values.delay_s:.2f} us{others}",
             f"fit of {len(fitted.modes)} mode{'s' if len(fitted.modes) > 1 else ''} to {len(fitted.lines_hz)} lines: misfit "
-            f"{100.0 * fitted.misfit:.2g} %, coherence {found.coherence:.4f} at the resonance, at up to {values.motion:.2g} of "
-            f"full scale{bent}",
-            f"loop: proportional gain {chosen.proportional:.3g}, phase margin {chosen.phase_deg:.0f} deg (at least "
+            f"{100.0 * fitted.misfit:.2g} %, coherence {found.coherence:.4f} at the resonance, at up to "
+            f"{units.motion(values.motion)}{bent}",
+            f"loop: proportional gain {units.law(chosen.proportional)}, phase margin {chosen.phase_deg:.0f} deg (at least "
             f"{PHASE_LEAST_DEG:g}), gain margin {chosen.gain_db:.1f} dB (at least {GAIN_LEAST_DB:g}), neighbours up to "
-            f"{chosen.neighbour:.3g}",
+            f"{units.gain(chosen.neighbour, '.3g')}",
             f"loaded after {found.seconds:.1f} s of the board's time",
         ]
     )

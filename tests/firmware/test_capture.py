@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import struct
 from argparse import Namespace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from firmware.client.client import BoardError, Client
 from firmware.emulate.plant import Beam, Plate, Resonance, adc_code, adc_codes
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import Captured
-from tests.helpers.fake_board import FakePort
+from tests.helpers.fake_board import SIX_STATUS, FakePort, single_status
 
 SINGLE = to_bytes(ModeTable(250e3, bytes(16), (Mode(31250.0, 3e-3, -0.75j, 9.3e-6, frequency_identified=True),)))
 ROWS = tuple(tuple(0.5 * (i == j) for j in range(6)) for i in range(6))
@@ -111,6 +112,28 @@ def test_the_client_writes_them_into_a_file(boards, tmp_path: Path) -> None:
     assert rows[0] == ["time_s", "input_1", "output_1"] and len(rows) == 1025
     assert float(rows[-1][0]) == pytest.approx(1023 * 8e-6, rel=1e-9) and {row[2] for row in rows[1:]} == {"2048"}
     assert "1024 rows, one every 8 us" in said
+
+
+@pytest.mark.parametrize("metres", [0.0, 4e-6])
+def test_a_capture_reads_micrometres_and_volts_where_the_table_has_metres(tmp_path: Path, metres: float) -> None:
+    """A code of 3072 is half of full scale; the DAC's largest code is 1.65 V above its rest."""
+    client, file = Client(FakePort(status=single_status(metres=metres))), tmp_path / "x.csv"
+    client.captured = lambda start: Captured(4, 4, 2, (3072, 4095, 2048, 1)[start:])
+    actions.capture(client, Namespace(file=file, every=1))
+    head, *rows = csv.reader(file.open())
+    assert head[3:] == (["input_1_um", "output_1_V"] if metres else [])
+    shown = [[2.0, 1.65], [0.0, -1.65]] if metres else [[], []]
+    assert [[float(value) for value in row[3:]] for row in rows] == shown
+    assert [row[1:3] for row in rows] == [["3072", "4095"], ["2048", "1"]]
+
+
+def test_six_captured_channels_have_micrometres_for_the_inputs_alone(tmp_path: Path) -> None:
+    metric = SIX_STATUS[:28] + struct.pack("<f", 4e-6) + SIX_STATUS[32:]
+    client, file = Client(FakePort(status=metric)), tmp_path / "x.csv"
+    client.captured = lambda start: Captured(12, 12, 12, (*[1024] * 6, *[1125] * 6)[start:])
+    actions.capture(client, Namespace(file=file, every=1))
+    head, row = csv.reader(file.open())
+    assert head[13:] == [f"input_{i}_um" for i in range(1, 7)] and [float(value) for value in row[13:]] == [-2.0] * 6
 
 
 def test_a_capture_that_stands_still_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -258,6 +258,18 @@ def test_report_and_picture(core, tmp_path: Path) -> None:
     draw(tmp_path / "b.png", found.response, None)
 
 
+def test_the_report_speaks_metres_where_the_table_has_them(core) -> None:
+    """Full scale is 4 um at the sensor and 1.65 V at the DAC."""
+    found = identify(Bench(300.0, table={"metres_per_volt": 4e-6 / 1.65}).client)
+    gain, loop = abs(found.values.gain), found.loop
+    text = describe(found)
+    assert found.metres == pytest.approx(4e-6, rel=1e-6)
+    assert f"gain {gain * 4.0 / 1.65:.4g} um/V" in text and f"up to {4.0 * found.values.motion:.2g} um" in text
+    assert f"proportional gain {loop.proportional * 1.65 / 4.0:.3g} V/um" in text
+    assert f"neighbours up to {loop.neighbour * 4.0 / 1.65:.3g} um/V" in text and "full scale" not in text
+    assert " um" not in describe(replace(found, metres=0.0))
+
+
 def test_values_out_of_range_are_refused_by_the_board(core) -> None:
     bench = Bench(300.0)
     values = Measured(31e3, 3e-3, 0.5j, 9e-6, 0.01, 0.3, 0.001)
