@@ -1,4 +1,4 @@
-"""Rows of `python -m firmware.injection` for what is no fault of the board: lifts, plates that soften, retries, chirps.
+"""Rows of `python -m firmware.injection` without a fault of the board: lifts, plates that soften, retries, chirps.
 
 On the rig. A finger lifts, or a plate begins to soften or stiffen, at many moments of a held level; a sensor fails while a
 retry brings the plate up; a hand stays through all retries; faults, clipped sensors and flipped bits come during a chirp.
