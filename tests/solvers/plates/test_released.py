@@ -109,3 +109,16 @@ def test_modes_follow_from_those_with_supports(name: str) -> None:
     assert (alike.max(axis=1) > 1.0 - 1e-5).all()
     fewer = modes_in_band(pencil, *span.ends_hz, Shared(guess=modes.vectors[:, 1:], counts=dict(span.counts)))
     assert fewer.frequency_hz == pytest.approx(truth.frequency_hz, rel=1e-10) and fewer.factorisations > 1
+
+
+def test_the_bound_of_a_plate_of_two_panels_is_nearly_met() -> None:
+    design = Design(8e-3, 6e-3, 0.7e-3, 0, GLASS, None, 8e-3, 8e-3, 0, 0.0, supports=(FOAM,))
+    settings = replace(SETTINGS, max_edge_m=9e-3)
+    model = PlateModel(design, Reductions(design.stack, None, settings))
+    plate, loose = model.assembled(None), model.released(None)
+    assert loose and len(plate.placed_cells) == 2
+    own, other = plate.pencil(), loose.pencil(None)
+    value = own.scale.eigenvalue(BAND[0])
+    resisting = sp.csc_array(other.stiffness + value * other.mass)
+    largest = eigsh(own.stiffness - other.stiffness, 1, resisting, which="LA", return_eigenvectors=False)[0]
+    assert largest < plate.softness(value)[0] < 1.9 * largest and plate.softness(value)[1] == 0.0
