@@ -426,12 +426,21 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
     for key, value in overrides:
         if key in ("array.pitch_x_mm", "array.pitch_y_mm", PITCHES):
             _split_pitch(result)
+        if key == "zone.centre_y_mm" and (x := _centre_x(result)) is not None:
+            key, value = "zone.centre_mm", [x, value]
         for other in ALTERNATIVES.get(key, ()):
             _drop(result, other)
         if key == "pillar.shape" and isinstance(value, str) and value in SHAPES:
             keep_sizes(result, SHAPES[value])
         _put(result, key.split("."), value)
     return result
+
+
+def _centre_x(raw: dict[str, Any]) -> Any:
+    """The x of a zone's `centre_mm`, which stays when y is set; None without one."""
+    zone = raw.get("zone")
+    centre = zone.get("centre_mm") if isinstance(zone, dict) else None
+    return centre[0] if isinstance(centre, list) and len(centre) == 2 else None
 
 
 def toml_text(value: Any) -> str:

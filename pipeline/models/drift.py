@@ -21,6 +21,7 @@ from pipeline.planning.model_choice import of_case
 from solvers.measures.loss import SHARES
 
 NEPER_DB = 20.0 / log(10.0)
+UNLIKE = 1.5  # largest relative change of a frequency by a body's size: half of 3 by its mass, of 1 by its stiffness
 BEND = 2  # degree of the curves over temperature, of which the slope is taken; what they miss is in its bar
 
 
@@ -60,7 +61,7 @@ def drift(case: Case, span_c: tuple[float, float], points: int, log: Log) -> dic
         "curvature_per_m_K": curvatures(case.design.stack),
     }
     if tone and widest is not None:
-        shared = 2.0 * SHARES * widest * hz * _spread(case)
+        shared = 2.0 * SHARES * widest * hz * _spread(case) + UNLIKE * hz * _unlike(case)
         answer["drift_error_hz_per_K"] = tone.error + widest * abs(tone.per_k) + shared + hz * _of_stress(case, found)
         levels = [each.confinement_error_db for each in found if each.confinement_error_db is not None]
         if level and alike:
@@ -127,6 +128,12 @@ def _of_stress(case: Case, found: list[WarmPlate]) -> float:
 def _spread(case: Case) -> float:
     """Largest difference between two materials' relative changes of stiffness per kelvin, 1/K."""
     known = [(each.softening_per_k or 0.0) + (each.expansion_per_k or 0.0) for each in case.design.materials]
+    return max(known) - min(known)
+
+
+def _unlike(case: Case) -> float:
+    """Largest difference between two materials' expansions, 1/K: bodies keep their sizes relative to each other."""
+    known = [each.expansion_per_k or 0.0 for each in case.design.materials]
     return max(known) - min(known)
 
 

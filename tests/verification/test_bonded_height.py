@@ -25,6 +25,7 @@ from studies.independent import UNSURE, BondedPlate, SolidModes, height, solid_m
 
 PZ26, BAND = PIEZO_MATERIALS["pz26"], (0.75, 4.5)  # of the first mode that a patch in the middle drives
 NONE = float("nan")
+WIDEST = 0.02  # a bar of a frequency that still says something
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,9 @@ def test_a_peaks_height_lies_within_its_bar(scene: Scene) -> None:
 def test_a_stiff_patchs_frequencies_lie_within_their_bars(scene: Scene) -> None:
     """A share of the difference of two meshes, taken from K, put them up to 20 % too low on PMMA."""
     truth, (ours, _, bars, _) = solid(scene), reduced(scene)
-    assert len(ours) == len(truth.frequency_hz) >= 2
-    errors = ours / truth.frequency_hz - 1.0
-    print(f"frequencies beside a conforming solid's, {scene.name}: {errors} (bars {bars})")
-    assert (np.abs(errors) < bars + UNSURE * truth.frequency_step).all() and bars.max() < 0.02
+    end_hz = (1.0 - WIDEST) * scene.band_hz[1]  # above it a mode may lie in the band of one of the two alone
+    count = int((truth.frequency_hz < end_hz).sum())
+    assert (ours < (1.0 - WIDEST) * end_hz).sum() <= count <= len(ours) and count >= 2
+    errors = ours[:count] / truth.frequency_hz[:count] - 1.0
+    print(f"frequencies compared with a conforming solid's, {scene.name}: {errors} (bars {bars})")
+    assert (np.abs(errors) < bars[:count] + UNSURE * truth.frequency_step[:count]).all() and bars.max() < WIDEST

@@ -18,6 +18,10 @@ from pipeline.questions.question import Run, ask
 from tests.helpers.exploring import SMALL
 
 LOG = TerminalLog(True)
+SIZES = {
+    "plate.thickness_mm": 2.0, "zone.length_mm": 28.0, "zone.width_mm": 20.0, "array.pitch_mm": 4.0,
+    "array.extension_mm": 5.0, "pillar.side_mm": 2.0, "pillar.height_mm": 6.3,
+}  # fmt: skip
 PLATE = {"young_GPa": 70.0, "poisson": 0.34, "density_kg_m3": 2700.0, "dE_dT_per_K": -4e-4, "expansion_per_K": 2e-5}
 PILLAR = {"young_GPa": 60.0, "poisson": 0.34, "density_kg_m3": 2700.0, "dE_dT_per_K": -3e-3, "expansion_per_K": 1e-5}
 
@@ -60,6 +64,33 @@ def test_two_materials_drift_by_where_the_energy_sits(coarsest_cells: None) -> N
     assert found.drift_hz_per_K == pytest.approx(-row.frequency_hz / (2.0 * row.quality_factor), rel=0.01)
     # the pillars lose their tuning by 0.13 % a kelvin
     assert found.drift_db_per_K is not None and abs(found.drift_db_per_K) > 1e-3
+
+
+def by_hand(table: dict[str, Any], kelvin: float) -> tuple[dict[str, Any], float]:
+    """A material of another temperature that knows no temperature, and the factor of its lengths."""
+    longer = 1.0 + table["expansion_per_K"] * kelvin
+    softer = 1.0 + table["dE_dT_per_K"] * kelvin
+    own = {"young_GPa": table["young_GPa"] * softer, "density_kg_m3": table["density_kg_m3"] / longer**3}
+    return {"poisson": table["poisson"], **own}, longer
+
+
+@pytest.mark.slow
+def test_pillars_that_expand_otherwise_than_their_plate_drift_within_the_bar() -> None:
+    """A warm plate keeps the pillars' sizes relative to its own; sizes, densities and moduli written by hand do not."""
+    pillar = PILLAR | {"expansion_per_K": 2e-4}
+    found = drift_of(case(PLATE, pillar), around_K=20.0, points=3)
+    tones = []
+    for kelvin in (-20.0, 20.0):
+        (sheet, longer), (post, taller) = by_hand(PLATE, kelvin), by_hand(pillar, kelvin)
+        scaled = {key: size * (taller if key.startswith("pillar.") else longer) for key, size in SIZES.items()}
+        warm = case(sheet, post).but(scaled)
+        row = solve_modes(warm, of_case(warm), LOG).target_row
+        assert row
+        tones.append(row.frequency_hz)
+    assert found.drift_hz_per_K is not None and found.drift_error_hz_per_K is not None
+    print(f"drift {found.drift_hz_per_K} +- {found.drift_error_hz_per_K}, by hand {(tones[1] - tones[0]) / 40.0} Hz/K")
+    missed = abs(found.drift_hz_per_K - (tones[1] - tones[0]) / 40.0)
+    assert 0.05 * found.drift_error_hz_per_K < missed < found.drift_error_hz_per_K
 
 
 @pytest.mark.slow

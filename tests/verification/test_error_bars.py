@@ -54,10 +54,21 @@ def part(name: str, overrides: list[str], accuracy: float, count: int = 4) -> tu
 
 def target(name: str, overrides: list[str], accuracy: float) -> tuple[float, float, float | None, float | None]:
     """The target mode's frequency and confinement (dB), and the bars of both."""
+    found = target_if_any(name, overrides, accuracy)
+    assert found is not None
+    return found
+
+
+def target_if_any(
+    name: str, overrides: list[str], accuracy: float
+) -> tuple[float, float, float | None, float | None] | None:
+    """The same, or None where no mode has the target shape."""
     case = load_case(CASE, [*overrides, f"solve.accuracy={accuracy}"])
     result = solve_modes(case, Request(name, symmetry=case.target_symmetry), CALM)
-    row = result.target.row if result.target else None
-    assert row is not None and row.error is not None
+    assert result.target is not None and (result.target.row is None) == (result.target.status == "none")
+    if (row := result.target.row) is None:
+        return None
+    assert row.error is not None
     return row.frequency_hz, row.error, row.confinement_db, row.confinement_error_db
 
 
@@ -93,12 +104,17 @@ def test_bars_of_lone_parts(name: str) -> None:
 
 @pytest.mark.slow
 def test_bars_of_the_bare_zones_mode_in_a_band() -> None:
-    """The mode most like the target mode from 25 to 45 kHz: in a thin zone one that lies well above it."""
+    """Of a zone that has a mode of the target shape at all; whether it has one does not depend on the accuracy."""
+    compared = 0
     for overrides in scenes(8):
-        fine, fine_bar, _, _ = target("zone", overrides, FINE)
+        fine = target_if_any("zone", overrides, FINE)
         for accuracy in COARSE:
-            coarse, bar, _, _ = target("zone", overrides, accuracy)
-            assert abs(coarse / fine - 1.0) <= bar + fine_bar, overrides
+            coarse = target_if_any("zone", overrides, accuracy)
+            assert (coarse is None) == (fine is None), overrides
+            if coarse is not None and fine is not None:
+                compared += 1
+                assert abs(coarse[0] / fine[0] - 1.0) <= coarse[1] + fine[1], overrides
+    assert compared >= 5 * len(COARSE)
 
 
 @pytest.mark.slow

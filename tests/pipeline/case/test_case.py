@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.case.model import case_from_dict, load_case
+from pipeline.case.reading import apply_overrides
 from pipeline.errors import InputError
 
 CASE = Path(__file__).parents[3] / "studies" / "three-rows.toml"
@@ -139,6 +140,12 @@ def test_bands_only_case_is_json_without_nan():
 )
 def test_set(override, read):
     assert read(load_case(CASE, [override]))
+
+
+def test_setting_a_centres_y_keeps_its_x():
+    raw = {"zone": {"centre_mm": [10.0, -8.0]}}
+    assert apply_overrides(raw, [("zone.centre_y_mm", 3.0)]) == {"zone": {"centre_mm": [10.0, 3.0]}}
+    assert apply_overrides({"zone": {}}, [("zone.centre_y_mm", 3.0)]) == {"zone": {"centre_y_mm": 3.0}}
 
 
 def test_set_another_shape_with_its_keys():
