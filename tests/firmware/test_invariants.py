@@ -15,7 +15,7 @@ import pytest
 
 from firmware.closed_loop import held_plate
 from firmware.emulate.plant import Beam, measured_table
-from firmware.injection import held
+from firmware.injection_rig import held
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from tests.helpers.hosted_boards import HostedSix, Rig
 

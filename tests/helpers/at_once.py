@@ -25,4 +25,4 @@ class AtOnce(Executor):
 
 def sweep_here(patch: pytest.MonkeyPatch) -> None:
     """Run sweeps of `import antinode` on this process' meshes instead of in workers."""
-    patch.setattr(runner, "_local", lambda count: AtOnce())
+    patch.setattr(runner.workers, "LocalWorkers", lambda workers, threads: AtOnce())
