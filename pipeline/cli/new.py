@@ -16,7 +16,10 @@ WISHES = {
     "pillar_material": ("", "material of the pillars, if it is another one"),
     "target": ("32kHz", "frequency of the target mode, met within 1 %%"),
     "thickness": (2.0, "thickness of the plate, mm"),
-    "half_wavelength": (15.0, "largest half-wavelength along the zone, mm"),
+    "half_wavelength": (
+        0.0,
+        "largest half-wavelength along the zone, mm; 0 takes 1.2 of the bare plate's at the target",
+    ),
     "length": (115.5, "length of the zone, mm"),
     "side": (2.0, "side of the square pillars, mm"),
     "pitch": (4.0, "pitch of the pillars, mm"),
@@ -33,6 +36,9 @@ OPTIONS = {  # keys that take the value unchanged
     "array.extension_mm": "--extension",
 }
 BRITTLE = ("glass", "borosilicate", "aluminosilicate", "silicon")  # plates of them carry pillars of another material
+LONGER = (
+    1.2  # half-wavelength along the zone over the bare plate's: three tenths of the wave's square are left across it
+)
 TEMPLATE = Path(__file__).with_name("new_case.toml.template")
 
 
@@ -64,6 +70,7 @@ def run(arguments: Namespace) -> int:
             near = known_as(wishes[key])
             raise InputError(f"{option(key)} = {wishes[key]}: must be one of {', '.join(MATERIALS)}{near}")
     target_hz = parse_frequency(str(wishes["target"]), "--target")
+    wishes["half_wavelength"] = wishes["half_wavelength"] or _half_wavelength_mm(wishes, target_hz)
     log = TerminalLog(arguments.quiet)
     if doubt := _brittle(wishes):
         log.warning("PILLARS", doubt)
@@ -132,6 +139,24 @@ def case_text(name: str, wishes: dict[str, Any], target_hz: float, theory_hz: fl
     return TEMPLATE.read_text(encoding="utf-8").format(
         name=name, solved=solved, theory_khz=theory_hz / KHZ, **{**wishes, **sizes, "own_material": own}
     )
+
+
+def _half_wavelength_mm(wishes: dict[str, Any], target_hz: float) -> float:
+    """Return LONGER times the bare plate's half-wavelength, as far as a case may have it."""
+    from math import pi, sqrt
+
+    from geometry.materials import MATERIALS, Stack
+    from pipeline.case.limits import LENGTH_MM, MAX_NODAL_LINES
+    from pipeline.quantity import MM
+    from solvers.analytic.plates import Strip, thin_plate_hz
+
+    length, thickness = wishes["length"], wishes["thickness"]
+    if min(length, thickness) <= 0.0:
+        return LENGTH_MM[0]
+    stack = Stack.of(MM * thickness, MATERIALS[wishes["material"]])
+    bare_m = pi / sqrt(target_hz / thin_plate_hz(Strip(MM * length, MM * length, stack), 1.0))
+    least = max(LENGTH_MM[0], length / (MAX_NODAL_LINES - 0.5), 2.0 * thickness)  # plate theory ends there
+    return min(max(LONGER * bare_m / MM, least), LENGTH_MM[1])
 
 
 def _brittle(wishes: dict[str, Any]) -> str | None:

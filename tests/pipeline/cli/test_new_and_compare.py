@@ -78,8 +78,11 @@ def test_pillars_of_glass_are_doubted_and_those_of_a_resin_are_sized_for_it(
         (["--material", "cheese"], "must be one of"),
         (["--pillar-material", "perspex"], "--pillar-material = perspex: must be one of"),
         (["--target", "30"], "--target"),
-        (["--target", "1Hz"], "--target = 1Hz: must be from 26."),
-        (["--target", "32MHz"], "--target = 32MHz: must be from 26."),
+        (["--target", "1Hz"], "--target = 1Hz: must be from 0.8"),  # with two nodal lines
+        (["--target", "1Hz", "--half-wavelength", "15"], "--target = 1Hz: must be from 26."),
+        (["--target", "32MHz", "--half-wavelength", "15"], "--target = 32MHz: must be from 26."),
+        (["--target", "32MHz"], "with 30 nodal lines"),  # no half-wavelength below two thicknesses
+        (["--length", "0"], "--length = 0: must be from"),
         (["--half-wavelength", "0.01"], "--half-wavelength = 0.01: must be at least"),
         (["--half-wavelength", "1", "--target", "5MHz"], "--half-wavelength = 1.0: gives zone.nodal_lines"),
         (["--thickness", "-1"], "--thickness = -1: must be from"),
@@ -138,6 +141,8 @@ def test_a_frequency_that_no_zone_reaches_is_one_line(
     "words",
     [
         ["--length", "30", "--half-wavelength", "20", "--rows", "1"],
+        ["--material", "glass", "--thickness", "0.7", "--length", "60"],  # by its own half-wavelength
+        ["--target", "8kHz", "--side", "3", "--pitch", "8", "--rows", "2"],
         ["--material", "glass", "--target", "20kHz", "--length", "60", "--half-wavelength", "20", "--rows", "2"],
         ["--material", "steel", "--side", "1.5", "--pitch", "3", "--length", "60", "--rows", "2", "--thickness", "1.5"],
         [
@@ -163,6 +168,20 @@ def test_a_new_case_vibrates_where_it_was_asked_to(words: list[str], tmp_path: P
     wanted_hz = 1e3 * float(words[words.index("--target") + 1].removesuffix("kHz")) if "--target" in words else 32e3
     found = antinode.load(file).modes().target
     assert abs(found.frequency_hz / wanted_hz - 1.0) <= 0.01
+
+
+@pytest.mark.parametrize(
+    ("words", "lines"),
+    [([], 9), (["--thickness", "0.7", "--material", "glass"], 14), (["--target", "5kHz"], 4), (["--length", "60"], 5)],
+)
+def test_the_nodal_lines_follow_the_bare_plates_wave(
+    words: list[str], lines: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A longer half-wavelength leaves the wave to run across the zone; the rows then do not confine it."""
+    monkeypatch.setattr(aim, "_solved", solved_as(lambda theory_hz: theory_hz))
+    file = tmp_path / "new.toml"
+    assert main(["new", str(file), *words, "--quiet"]) == 0
+    assert load_case(file).design.nodal_lines == lines
 
 
 def test_a_file_that_is_there_stays(
