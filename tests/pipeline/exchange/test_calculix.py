@@ -147,7 +147,7 @@ def test_the_stated_error_holds_the_frequencies_of_the_mesh_written() -> None:
     assert written.error and high.min() > 0.0 and high.max() < written.error < 10.0 * high.max()
     low, high_hz = written.estimated_hz
     assert 0.0 < low < high_hz and quantity.interval(low, high_hz) in written.error_text
-    assert f"up to {written.error:.2g} too high" in finite_elements.input_deck(written, 1)
+    assert f"up to {quantity.percent(written.error)} too high" in finite_elements.input_deck(written, 1)
     assert ("MESH" in log.warnings) == (written.error > case.solve.accuracy)
 
 

@@ -57,5 +57,5 @@ def test_a_page_that_is_too_large_to_travel_is_refused_by_its_size(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(offline, "MAX_BYTES", 10_000)
-    with pytest.raises(InputError, match=r"would have \d+\.\d+ MB, at most 0.01 MB"):
+    with pytest.raises(InputError, match=r"would have \d+\.\d+ MB, more than 0.01 MB"):
         offline.page(small_explorer(tmp_path))
