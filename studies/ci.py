@@ -40,6 +40,7 @@ class Tool:
 TOOLS = (
     Tool("chromium", ("chromium", "chromium-browser", "google-chrome"), "tests/browser"),
     Tool("gcc-arm-none-eabi", ("arm-none-eabi-gcc",), "the firmware's tests of code that gcc compiles"),
+    Tool("calculix-ccx", ("ccx",), "the frequencies of the meshes written for CalculiX"),
     Tool("frama-c-base", ("frama-c",), "the proofs of the firmware's core for every input"),
     Tool("xvfb", ("Xvfb",), "the window of antinode view"),
 )
