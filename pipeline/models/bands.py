@@ -531,8 +531,9 @@ def _quality(case: Case, lattice: ReducedLattice, waves: Sequence[Waves], error:
             bar, factor = error[place, band], float(lost[band] / held[band])
             softened = np.abs(held[band] / each.eigenvalue[band] - 1.0)
             of_wave = None if np.isnan(bar) else float(bar)
-            out[:, place, band] = quality_and_bar(factor, most, of_wave, float(of_discarded(most, least, softened)))
-    return np.where(out[1] >= out[0], np.nan, out)  # a bar as wide as its figure leaves none
+            discarded = float(of_discarded(most, least, softened, np.array(factor)))
+            out[:, place, band] = quality_and_bar(factor, most, of_wave, discarded)
+    return np.where(np.isnan(out[1]), np.nan, out)  # without a bar no figure
 
 
 def _detail(

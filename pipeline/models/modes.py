@@ -430,7 +430,7 @@ def with_quality(case: Case, part_modes: PartModes) -> PartModes:
             own = np.array(loss_factors(value, model.lost(symmetry, vectors)))
             own[1] = np.abs(own[1])
             if isinstance(model, PlateModel):
-                own[1] += of_discarded(most, least, 2.0 * by_modes(model.assembled(symmetry), value, vectors))
+                own[1] += of_discarded(most, least, 2.0 * by_modes(model.assembled(symmetry), value, vectors), own[0])
         known_q = 1.0 / case.quality_factor if dampers and case.quality_factor else nan
         for row, factor, change, sound, spent in zip(
             rows, *own.tolist(), radiated.tolist(), damped.tolist(), strict=True

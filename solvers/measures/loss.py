@@ -41,23 +41,26 @@ def quality_and_bar(
     quality : float or None
         Quality factor; None where nothing is lost.
     half : float or None
-        Half-width of its error bar, in units of the quality factor; None if unknown.
+        Half-width of its error bar, in units of the quality factor: d/(eta (eta - d)) for a loss factor eta within d, which
+        holds the longer side of 1/(eta +- d); None if unknown, or as wide as the quality factor itself.
     """
     total, shared = factor + radiated, most <= factor * (1.0 + ROUNDING)  # alike: nothing depends on the mesh
     if total <= 0.0:
         return None, None
-    half = 0.0 if shared and not radiated else None
-    if error is not None:
-        own = 0.0 if shared else 2.0 * SHARES * error * (factor + np.sqrt(most * factor)) + abs(change)
-        half = own + 2.0 * np.sqrt(2.0 * error) * radiated
-    return 1.0 / total, None if half is None else float(half) / total**2
+    if error is None:
+        return 1.0 / total, 0.0 if shared and not radiated else None
+    own = 0.0 if shared else 2.0 * SHARES * error * (factor + np.sqrt(most * factor)) + abs(change)
+    half = float(own + 2.0 * np.sqrt(2.0 * error) * radiated)
+    return 1.0 / total, half / (total * (total - half)) if half < 0.5 * total else None
 
 
-def of_discarded(most: float, least: float, softened: FloatArray) -> FloatArray:
+def of_discarded(most: float, least: float, softened: FloatArray, factor: FloatArray) -> FloatArray:
     """Bound what discarded fixed-interface modes change of a loss factor.
 
-    They hold a share s of the energy, by which they soften a mode or a wave, and take part in it orthogonally: the loss changes
-    by at most (s^(1/2) + s) times what the materials' loss factors differ by.
+    They hold a share s of the energy, by which they soften a mode or a wave, and take part in it orthogonally. With
+    H - least K semidefinite, its product of wave and discarded part is at most (s (factor - least)(most - least))^(1/2) of the
+    energy by Cauchy and Schwarz, and at most s^(1/2)/2 (most - least); the loss changes by twice the lower, and s times what
+    the materials' loss factors differ by.
 
     Parameters
     ----------
@@ -65,13 +68,17 @@ def of_discarded(most: float, least: float, softened: FloatArray) -> FloatArray:
         Largest and smallest loss factor of a material.
     softened : ndarray, shape (k,)
         Relative change s of the eigenvalues by the discarded modes.
+    factor : ndarray, shape (k,)
+        Loss factors without them.
 
     Returns
     -------
     ndarray, shape (k,)
         Largest change of the loss factors.
     """
-    return np.asarray((most - least) * (np.sqrt(softened) + softened))
+    apart = most - least
+    product = np.minimum(2.0 * np.sqrt(np.maximum(factor - least, 0.0) * apart), apart)
+    return np.asarray(product * np.sqrt(softened) + apart * softened)
 
 
 def loss_factors(eigenvalue: FloatArray, loss: FloatArray) -> tuple[FloatArray, FloatArray]:

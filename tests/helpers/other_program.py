@@ -17,6 +17,8 @@ from studies.benchmarks.peers.hexahedra import SPARE, nearest
 
 CORNERS = [0, 4, 3, 1, 7, 5, 2, 6]  # VTK's corners of a hexahedron in the order of scikit-fem
 RIGID = 6  # motions of a free body
+STILL = 1e-2  # of the first elastic mode's frequency: a rigid-body mode in the digits of a computer
+TRIES = 3  # ARPACK's random start may miss some of six equal values, once in ten runs or so
 DIGITS = 6  # of a position relative to the lattice vectors
 
 
@@ -41,7 +43,11 @@ def other_bands(
 def other_modes(mesh: Mesh, count: int, materials: Mapping[str, Material]) -> FloatArray:
     """The lowest elastic modes of a free body of complete quadratic hexahedra, Hz."""
     _, k, m = _assembled(mesh, materials)
-    return _lowest_hz(k, m, RIGID + count)[RIGID:]
+    for _ in range(TRIES):
+        found = _lowest_hz(k, m, RIGID + count)
+        if found[RIGID - 1] < STILL * found[RIGID]:
+            return found[RIGID:]
+    raise AssertionError(f"the other program found fewer than {RIGID} rigid-body modes in {TRIES} tries")
 
 
 def _assembled(mesh: Mesh, materials: Mapping[str, Material]) -> tuple[Any, Any, Any]:

@@ -24,7 +24,7 @@ from solvers.errors import SolverError
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import TouchField
-from solvers.measures.loss import SHARES, loss_factors, of_discarded
+from solvers.measures.loss import SHARES, loss_factors, of_discarded, quality_and_bar
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import StaticCorrection, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, PressedPlate
@@ -125,10 +125,22 @@ def test_discarded_modes_change_no_more_of_a_loss_than_their_bound():
         value = model.scale.eigenvalue(modes.frequency_hz)
         found.append((loss_factors(value, model.lost("SS", modes.vectors))[0], value, modes.vectors, model))
     (factor, value, vectors, model), (ample, *_) = found
-    bound = of_discarded(most, least, 2.0 * by_modes(model.assembled("SS"), value, vectors))
+    bound = of_discarded(most, least, 2.0 * by_modes(model.assembled("SS"), value, vectors), factor)
     moved = np.abs(factor - ample)
     assert moved.max() > 1e-3 * ample.max()  # they do count
     assert (moved <= bound).all()
+
+
+@pytest.mark.parametrize("off", [0.01, 0.3, 0.49, 0.51, 3.0])
+def test_the_bar_of_a_quality_factor_holds_both_ends_of_its_loss(off: float):
+    """1/(eta - d) lies farther from 1/eta than 1/(eta + d); a bar half as wide as the loss or wider says nothing."""
+    factor = 0.02
+    quality, half = quality_and_bar(factor, 0.5, 0.0, off * factor)
+    assert quality == pytest.approx(1.0 / factor)
+    if off > 0.5:
+        assert half is None
+    else:
+        assert half == pytest.approx(1.0 / (factor * (1.0 - off)) - quality)
 
 
 def test_the_response_is_that_of_complex_moduli():
