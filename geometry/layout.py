@@ -5,7 +5,7 @@ Axes: x along the zone, y across, z = 0 the touch face, pillars on z = thickness
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import atan2, floor, inf, pi
@@ -21,6 +21,7 @@ from geometry.pillar_shapes import PillarShape, shape_of
 from geometry.supports import Support, are_mirrored
 
 SHORT = 2.0  # half-wavelength over thickness: there thin-plate theory is 45 % too high, Mindlin's a few percent
+PLACES = 12  # digits of a length in m: places that agree to a picometre are one
 ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fractions say
 
 
@@ -341,6 +342,8 @@ class Design:
         Centre (x, y) of the zone, or of all zones together, from that of the plate, or from the origin of an outline.
     surround : bool
         Whether rows stand on all four sides of the zone, with closed corners.
+    others_m : tuple of tuple
+        Centres (x, y) of further zones of the same size on a larger plate, with the same rows; pillars at one place are one.
     supports : tuple of Support
         Supports of the plate; free without.
     outline : Outline or None
@@ -370,6 +373,7 @@ class Design:
     larger_m: tuple[float, float] | None = None
     centre_m: tuple[float, float] = (0.0, 0.0)
     surround: bool = False
+    others_m: tuple[tuple[float, float], ...] = ()
 
     @property
     def plate_m(self) -> tuple[float, float]:
@@ -412,8 +416,37 @@ class Design:
     @property
     def zone_alone(self) -> Design:
         """The same zone and rows on a plate that ends with the zone along x and `extension_m` beyond the rows along y."""
-        alone = {"larger_m": None, "centre_m": (0.0, 0.0), "surround": False, "outline": None}
+        alone = {"larger_m": None, "centre_m": (0.0, 0.0), "surround": False, "outline": None, "others_m": ()}
         return replace(self, **alone) if self.larger_m else self  # type: ignore[arg-type]
+
+    @property
+    def views(self) -> tuple[Design, ...]:
+        """The plate seen from each of its zones in turn, whose middle is `centre_m`: for measures over one zone."""
+        if self.zones > 1:
+            return tuple(replace(self, centre_m=(0.0, y)) for y in self.zone_centres_m.tolist())
+        return self._placed
+
+    @property
+    def _placed(self) -> tuple[Design, ...]:
+        """The plate seen from each of the zones that stand anywhere on it; alone where it has no such zones."""
+        places = (self.centre_m, *self.others_m)
+        others = [(*places[:number], *places[number + 1 :]) for number in range(len(places))]
+        seen = (replace(self, centre_m=own, others_m=rest) for own, rest in zip(places, others, strict=True))
+        return tuple(seen) if self.others_m else (self,)
+
+    @property
+    def lists_feet(self) -> bool:
+        """Whether the pillars of a row are not counted by its length: rows around a zone, or about several anywhere."""
+        return self.surround or bool(self.others_m)
+
+    @property
+    def lone(self) -> Design:
+        """The same plate with its first zone and the rows of that alone."""
+        return replace(self, others_m=()) if self.others_m else self
+
+    def passive(self, points: FloatArray) -> BoolArray:
+        """Mask of the points (q, 2 or 3) outside the zone about the middle and any other anywhere on the plate, (q,)."""
+        return np.asarray(~np.logical_or.reduce([each.in_zone(points) for each in self._placed]))
 
     def in_zone(self, points: FloatArray) -> BoolArray:
         """Mask of the points (q, 2 or 3), from the plate's centre in m, that lie in the zone about the middle, (q,)."""
@@ -423,12 +456,14 @@ class Design:
         return np.asarray(inside)
 
     def beyond_rows(self, points: FloatArray) -> BoolArray:
-        """Mask of the points (q, 2 or 3) outside the rectangle that zone and rows fill, (q,)."""
-        (x, half_x), (y, half_y) = self._reach_m
-        outside = np.abs(points[:, 1] - y) > half_y
-        if self.larger_m is not None:
-            outside |= np.abs(points[:, 0] - x) > half_x
-        return np.asarray(outside)
+        """Mask of the points (q, 2 or 3) outside the rectangles that zones and rows fill, (q,)."""
+        beyond = np.ones(len(points), dtype=bool)
+        for (x, half_x), (y, half_y) in (each._reach_m for each in self._placed):
+            outside = np.abs(points[:, 1] - y) > half_y
+            if self.larger_m is not None:
+                outside |= np.abs(points[:, 0] - x) > half_x
+            beyond &= outside
+        return beyond
 
     @property
     def _reach_m(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -565,14 +600,16 @@ class Design:
     @property
     def touch_lines_m(self) -> tuple[float, ...]:
         """y where parts of the touch face meet, ascending, m: the borders of the zones, and the ends of the last rows."""
-        half, (_, (middle, beyond)) = self.width_m / 2.0, self._reach_m
-        borders = np.add.outer(self.zone_centres_m, [-half, half]).ravel().tolist()
-        return tuple(sorted({*borders, middle - beyond, middle + beyond}))
+        half, places = self.width_m / 2.0, set()
+        for each in self._placed:
+            places |= {*np.add.outer(each.zone_centres_m, [-half, half]).ravel().tolist(), *each.reach_m[2:]}
+        return tuple(sorted(places))
 
     @property
     def touch_cuts_m(self) -> tuple[float, ...]:
         """x where parts of the touch face meet, ascending, m: the ends of zone and rows within a larger plate."""
-        ends, (first, last) = {*self.zone_ends_m, *self.reach_m[:2]}, self.ends_m[:2]
+        ends = {end for each in self._placed for end in (*each.zone_ends_m, *each.reach_m[:2])}
+        first, last = self.ends_m[:2]
         return tuple(sorted(end for end in ends if first < end < last)) if self.larger_m else ()
 
     @property
@@ -601,7 +638,7 @@ class Design:
     @property
     def is_mirrored(self) -> bool:
         """True when plate and supports are their own mirror image in x = 0 and y = 0: the quarter stands for the whole."""
-        pillar, centred = self.pillar if self.rows else None, not any(self.centre_m)
+        pillar, centred = self.pillar if self.rows else None, not any(self.centre_m) and not self.others_m
         alone = centred and {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_symmetric)
         alone &= self.outline is None  # nothing is known of its mirrors
         return alone and are_mirrored(self.supports)
@@ -685,6 +722,8 @@ class Design:
         """
         if not self.row_pillars:
             return []
+        if self.others_m:
+            return _joined(line for each in self._placed for line in each.lone.lines_of_feet())
         own = [self.column_centres(number) for number in self.row_numbers]
         if not self.surround:
             return list(zip(self.row_places().tolist(), own, strict=True))
@@ -731,6 +770,15 @@ class Design:
         return tuple(PillarGroup(kind, _places([lines[row] for row in own])) for kind, own in kinds.items())
 
 
+def _joined(lines: Iterable[tuple[float, FloatArray]]) -> list[tuple[float, FloatArray]]:
+    """Lines of pillars along x as one where they have the same y, and pillars as one at the same place."""
+    rows: dict[float, tuple[float, dict[float, float]]] = {}
+    for y, columns in lines:
+        own = rows.setdefault(round(y, PLACES), (y, {}))[1]
+        own |= {round(x, PLACES): own.get(round(x, PLACES), x) for x in columns.tolist()}
+    return [(y, np.array(sorted(own.values()))) for _, (y, own) in sorted(rows.items())]
+
+
 def _places(lines: Sequence[tuple[float, FloatArray]]) -> FloatArray:
     """Centres (pillars, 2) of some lines of pillars along x."""
     return np.concatenate([np.empty((0, 2)), *(np.column_stack([x, np.full(len(x), at)]) for at, x in lines)])
@@ -764,6 +812,8 @@ class Patches:
         Length of each patch along x.
     sensors : tuple of int
         Numbers of the sensor patches, from 0.
+    resting : tuple of int
+        Numbers of those in other zones than the one that is driven, held at 0 V.
     drive_v : float
         Amplitude of the drive voltage in V.
     circuit : {'short', 'open'}
@@ -782,6 +832,7 @@ class Patches:
     drive_v: float
     circuit: Literal["short", "open"] = "short"  # of the actuators: a prescribed voltage or charge
     glue: Layer | None = None
+    resting: tuple[int, ...] = ()
 
     @property
     def count(self) -> int:
@@ -791,7 +842,7 @@ class Patches:
     @property
     def drivers(self) -> tuple[int, ...]:
         """The numbers of the actuators."""
-        return tuple(i for i in range(self.count) if i not in self.sensors)
+        return tuple(i for i in range(self.count) if i not in (*self.sensors, *self.resting))
 
     def boxes_m(self) -> FloatArray:
         """Footprints x0, x1, y0, y1, shape (patches, 4), m."""

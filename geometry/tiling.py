@@ -292,6 +292,8 @@ def _around(design: Design, longest: float) -> tuple[FloatArray, FloatArray]:
     lines, half = design.lines_of_feet(), design.width_m / 2.0
     columns = _distinct(x for _, own in lines for x in own.tolist())
     rows, pitches, halves = [y for y, _ in lines], (design.pitch_x_m, design.pitch_y_m), np.array(design.plate_m) / 2.0
+    if not lines and design.others_m:  # borders of several zones may be too near to one another
+        return _bare_between((), halves[0], longest), _bare_between((), halves[1], longest)
     if not lines:
         corners = design.zone_ends_m, (design.centre_m[1] - half, design.centre_m[1] + half)
         return _bare_between(corners[0], halves[0], longest), _bare_between(corners[1], halves[1], longest)
@@ -304,7 +306,7 @@ def _around(design: Design, longest: float) -> tuple[FloatArray, FloatArray]:
     return _refined(cuts[0], columns, longest), _refined(cuts[1], np.array(rows), longest)
 
 
-def _bare_between(corners: tuple[float, float], half: float, longest: float) -> FloatArray:
+def _bare_between(corners: tuple[float, ...], half: float, longest: float) -> FloatArray:
     """Lines across bare plate through some places."""
     return _refined(_distinct([-half, *corners, half]), np.empty(0), longest)
 

@@ -432,9 +432,7 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
     """
     x = _span(design.half_length_m, False, quarter)
     y = _span(design.half_span_m, False, quarter)
-    borders = (
-        centre + side * design.width_m / 2.0 for centre in design.zone_centres_m.tolist() for side in (-1.0, 1.0)
-    )
+    borders = (each.centre_m[1] + side * design.width_m / 2.0 for each in design.views for side in (-1.0, 1.0))
     y |= {v: False for v in borders if v >= min(y)}
     x |= {v: False for v in design.touch_cuts_m if v >= min(x)}
     stands, reach = design.standing(), design.footprint_m / 2.0

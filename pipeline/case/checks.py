@@ -14,7 +14,8 @@ from geometry.lattice import SAME, SLOPE, labels_of, rows_along_x, shortest_vect
 from geometry.layout import PLAIN
 from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline.case import limits
-from pipeline.case.schema import SIZE_KEYS, Tables
+from pipeline.case.schema import AXES, SIZE_KEYS, Tables
+from pipeline.case.several import check_several
 from pipeline.errors import InputError
 from pipeline.quantity import MM
 
@@ -324,6 +325,12 @@ def check_not_a_block(file: Tables, form: PillarShape | None) -> Iterator[Diagno
 
 
 LARGER = ("length_mm", "width_mm")
+CENTRES = ("centre_mm", "centre_x_mm", "centre_y_mm", "centres_mm")
+BESIDE = (
+    "requires a larger plate (plate.length_mm and plate.width_mm): zones on a plate as long as they are lie side by side "
+    "along y, each at its centre_y_mm"
+)
+EACH = "must give the centre of each zone, [x, y], in its own table"
 
 
 def check_larger(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
@@ -332,7 +339,7 @@ def check_larger(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]
     if len(given) == 1 and not {f"plate.{name}" for name in LARGER} & file.faulty:
         (other,) = {*LARGER} - {*given}
         yield f"plate.{other}", None, f"must accompany {given[0]}"
-    placed = {"zone.centre_mm": file.zone.centre_mm, "zone.centre_y_mm": file.zone.centre_y_mm}
+    placed = {f"zone.{name}": getattr(file.zone, name) for name in CENTRES}
     placed |= {"array.surround": file.array.surround or None}
     if "plate.length_mm" in file.faulty:  # such as that of a file that cannot be read
         return
@@ -343,17 +350,24 @@ def check_larger(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]
         return
     if len(given) == 1:
         return
-    if placed["zone.centre_mm"] is not None and placed["zone.centre_y_mm"] is not None:
-        yield "zone.centre_y_mm", file.zone.centre_y_mm, "cannot be combined with centre_mm: remove one of them"
+    said = [key for key in placed if key.startswith("zone.") and placed[key] is not None]
+    for key in said[1:] if not {*said} <= {*AXES} else ():
+        yield key, placed[key], f"cannot be combined with {said[0].removeprefix('zone.')}: remove one of them"
     sized = "file, which sets" if file.plate.file else "length_mm and width_mm, which set"
     if file.array.extension_mm:
         text = f"must be left out of a plate with {sized} its margins"
         yield "array.extension_mm", file.array.extension_mm, text
     if (file.zone.count or 1) > 1:
-        yield "zone.count", file.zone.count, f"must be 1 on a plate with {sized.partition(',')[0]}"
+        text = f"must be 1 on a plate with {sized.partition(',')[0]}: give the centre of each zone by centres_mm"
+        yield "zone.count", file.zone.count, text
+    if file.zone.centres_mm:
+        yield from check_several(file)
     yield from _surrounded(file)
-    if not file.plate.file:  # its rims are checked against the design
-        yield from _margins(file, form)
+    for x, y in () if file.plate.file else file.zone.places_mm:  # its rims are checked against the design
+        faults = list(_margins(file, form, x, y))
+        yield from faults
+        if faults:
+            return
 
 
 def _surrounded(file: Tables) -> Iterator[Diagnostic]:
@@ -374,13 +388,12 @@ def _surrounded(file: Tables) -> Iterator[Diagnostic]:
         yield "array.surround", True, "requires a [pillar] and array.rows of 1 or more"
 
 
-def _margins(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Check that zone and rows lie on the plate, with margins that can be meshed."""
+def _margins(file: Tables, form: PillarShape | None, x: float, y: float) -> Iterator[Diagnostic]:
+    """Check that a zone about (x, y) and its rows lie on the plate, with margins that can be meshed."""
     known = [file.plate.length_mm, file.plate.width_mm, file.zone.length_mm, file.zone.width_mm]
     sizes = [size for size in known if size is not None]
     if len(sizes) < len(known):
         return
-    x, y = file.zone.centre_mm or (0.0, file.zone.centre_y_mm or 0.0)
     rows, foot = file.array.rows or 0, footprint_mm(file, form) or 0.0
     pitches = [file.array.pitch_x_mm or 0.0, file.array.pitch_y_mm or 0.0]
     widths = list(file.array.pitches_y_mm or [pitches[1]] * rows)
@@ -551,37 +564,36 @@ CHECKS: tuple[Callable[[Tables, PillarShape | None], Iterator[Diagnostic]], ...]
 )
 
 
-CENTRE = "centre_y_mm"
 SAME_MM = 1e-6
 
 
 def one_table(raw: dict[str, Any], source: str) -> dict[str, Any]:
-    """Merge `[[zone]]` tables of a parsed file into one [zone] with count, shared_rows and gap_mm.
+    """Merge `[[zone]]` tables of a parsed file into one [zone] with count, shared_rows and gap_mm, or with centres_mm on a
+    larger plate.
 
-    Raises InputError, one line per fault, for zones that are not identical or not evenly spaced around y = 0.
+    Raises InputError, one line per fault, for zones that are not identical, and for those that are not evenly spaced around
+    y = 0 on a plate as long as they are.
     """
     tables = raw.get("zone")
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables) or not tables:
         return raw
     if len(tables) == 1:
         return raw | {"zone": tables[0]}
-    first = {key: value for key, value in tables[0].items() if key not in (CENTRE, "centre_mm")}
+    plate = raw.get("plate")
+    larger = isinstance(plate, dict) and not {"length_mm", "width_mm", "file"}.isdisjoint(plate)
+    first = {key: value for key, value in tables[0].items() if key not in CENTRES}
     said = [
         f"[[zone]]: count = {table['count']}: must be left out: the tables themselves are counted"
         for table in tables
         if "count" in table
     ]
-    if any("centre_mm" in table for table in tables):
-        said.append("[[zone]]: centre_mm: applies to a single zone only: give centre_y_mm in each of several tables")
-        tables = [{key: value for key, value in table.items() if key != "centre_mm"} for table in tables]
-    if any("centre_x_mm" in table for table in tables):
-        said.append(
-            "[[zone]]: centre_x_mm: must be left out: zones lie side by side along y and are as long as the plate"
-        )
-        tables = [{key: value for key, value in table.items() if key != "centre_x_mm"} for table in tables]
+    for name in ("centre_mm", "centre_x_mm", "centres_mm"):
+        if any(name in table for table in tables) and (not larger or name == "centres_mm"):
+            said.append(f"[[zone]]: {name}: {BESIDE if name != 'centres_mm' else EACH}")
+            tables = [{key: value for key, value in table.items() if key != name} for table in tables]
     for number, table in enumerate(tables[1:], start=2):
         for key, value in table.items():
-            if key not in (CENTRE, "shared_rows") and first.get(key) != value:
+            if key not in (*CENTRES, "shared_rows") and first.get(key) != value:
                 said.append(
                     f"[[zone]] {number}: {key} = {value}: must be {first.get(key, 'left out')} as in the first: all "
                     "zones are identical"
@@ -591,27 +603,39 @@ def one_table(raw: dict[str, Any], source: str) -> dict[str, Any]:
         said.append(
             f"[[zone]]: shared_rows = {', '.join(map(str, sorted(shared)))}: must be the same between all zones"
         )
-    merged = first | {"count": len(tables)} | ({"shared_rows": shared.pop()} if shared else {})
-    merged |= _gap(tables, said)
+    merged = first | ({"shared_rows": shared.pop()} if shared else {})
+    merged |= _centres(tables, said) if larger else {"count": len(tables)} | _gap(tables, said)
     if said:
         raise InputError(f"{source}: {text}" for text in said)
     return raw | {"zone": merged}
 
 
+def _centres(tables: list[dict[str, Any]], said: list[str]) -> dict[str, Any]:
+    """Return the centres of zones anywhere on a larger plate."""
+    places = []
+    for number, table in enumerate(tables, start=1):
+        given = {*CENTRES} & {*table}
+        if not given or ("centre_mm" in given and len(given) > 1):
+            said.append(f"[[zone]] {number}: centre_mm: {EACH}")
+        places.append(table.get("centre_mm", [table.get("centre_x_mm", 0.0), table.get("centre_y_mm", 0.0)]))
+    return {"centres_mm": places}
+
+
 def _gap(tables: list[dict[str, Any]], said: list[str]) -> dict[str, Any]:
     """Return gap_mm from the centres of the zones, if they are given."""
-    centres, width = [table[CENTRE] for table in tables if CENTRE in table], tables[0].get("width_mm")
+    name, width = "centre_y_mm", tables[0].get("width_mm")
+    centres = [table[name] for table in tables if name in table]
     if not centres:
         return {}
     numbers = [value for value in (*centres, width) if isinstance(value, int | float) and not isinstance(value, bool)]
     if len(numbers) != len(tables) + 1:
-        said.append(f"[[zone]]: {CENTRE}: must be a number in every table or in none")
+        said.append(f"[[zone]]: {name}: must be a number in every table or in none")
         return {}
     steps = [high - low for low, high in pairwise(numbers[:-1])]
     if abs(sum(numbers[:-1])) > SAME_MM or not steps or max(steps) - min(steps) > SAME_MM or steps[0] <= numbers[-1]:
         text = ", ".join(f"{value:g}" for value in numbers[:-1])
         said.append(
-            f"[[zone]]: {CENTRE} = {text}: must ascend evenly around 0, more than the width {numbers[-1]:g} apart"
+            f"[[zone]]: {name} = {text}: must ascend evenly around 0, more than the width {numbers[-1]:g} apart"
         )
         return {}
     return {"gap_mm": steps[0] - numbers[-1]}
@@ -629,7 +653,8 @@ def check_zones(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
     if count == 1:
         for name, value in (("shared_rows", shared), ("gap_mm", gap)):
             if value:
-                yield f"zone.{name}", value, "applies to several zones only: remove it, or raise zone.count"
+                text = "applies to several zones only: remove it, or raise zone.count"
+                yield f"zone.{name}", value, "must be left out with centres_mm" if file.zone.centres_mm else text
     if count is None or count == 1 or shared is None:
         return
     for name in ("heights_mm", "sides_mm", "pitches_y_mm"):

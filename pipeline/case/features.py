@@ -11,11 +11,12 @@ from pipeline.quantity import MM
 
 ZONES, LARGER, SUPPORTS, GROUPS, DEFECTS = "[[zone]]", "[plate] length_mm", "[[support]]", "[materials]", "[[defect]]"
 OUTLINE = "[plate] file"
+PLACES = "zone.centres_mm"  # of several zones on a larger plate
 CELL, ATTACHED = "[cell] file", "[[cell.attached]]"
 OBLIQUE = "array.a2_mm"  # of a lattice without rows as pitches give them
 STRESS = "solve.temperature_C"  # of a plate whose supports hold its expansion
 UNKNOWN = "expansion_per_K"  # of a layer that supports hold
-OF_A_PLATE = (ZONES, LARGER, OUTLINE, SUPPORTS, STRESS, UNKNOWN)  # of no consequence to a unit cell
+OF_A_PLATE = (ZONES, PLACES, LARGER, OUTLINE, SUPPORTS, STRESS, UNKNOWN)  # of no consequence to a unit cell
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ FEATURES = {
     LARGER: Feature(
         lambda case: (
             f"plate.length_mm = {case.design.larger_m[0] / MM:g}"
-            if case.design.larger_m and not case.design.outline
+            if case.design.larger_m and not case.design.outline and not case.design.others_m
             else ""
         ),
         "must be left out with plate.width_mm: {} supports a plate as long as its zone only"
@@ -46,6 +47,10 @@ FEATURES = {
     ZONES: Feature(
         lambda case: f"zone.count = {case.design.zones}" if case.design.zones > 1 else "",
         "must be 1: {} supports a single zone (antinode crosstalk supports several)",
+    ),
+    PLACES: Feature(
+        lambda case: f"{PLACES} = {len(case.design.views)} centres" if case.design.others_m else "",
+        "must be centre_mm of one: {} supports a single zone (modes, response, touch and crosstalk support several)",
     ),
     SUPPORTS: Feature(
         lambda case: SUPPORTS if case.design.supports else "",

@@ -40,6 +40,7 @@ from pipeline.case.reading import (
 )
 from pipeline.case.reading import CaseValues as Values
 from pipeline.case.schema import BandsTable, FingertipTable, SolveTable, Table, Tables, ToleranceTable
+from pipeline.case.several import check_placed
 from pipeline.case.supports import check_beside_patches, check_places, read_supports
 from pipeline.errors import InputError
 from pipeline.quantity import GRAM, MM, UM
@@ -233,6 +234,8 @@ class Case:
             plain["air"] = _plain(self.air)
         if self.measured:
             plain["measured"] = self.measured.to_dict()
+        if self.patches and not self.patches.resting:
+            del plain["patches"]["resting"]
         pillar, shape = self.design.pillar, plain["design"]
         for key in (
             "graded",
@@ -243,6 +246,7 @@ class Case:
             "cell_file",
             "attached",
             "oblique_m",
+            "others_m",
         ):
             if not shape[key]:
                 del shape[key]
@@ -281,13 +285,23 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
         diagnostics.add("patches.material", name, f"must be one of {allowed}{nearest(name, PIEZO_MATERIALS)}")
     x, y, z = (MM * side for side in table.size_mm)
     centres, lengths = _places(table.centres_mm, design, (x, y, z))
+    resting: tuple[int, ...] = ()
     if behind := table.behind_mm:
         (*_, low, high), beyond = design.reach_m, MM * behind
         centres += tuple((place, across) for across in (low - beyond, high + beyond) for place, _ in centres)
         lengths *= 3
     sensors = tuple(table.sensors)
+    inner = len(centres) // (3 if table.behind_mm else 1)
+    if not table.centres_mm and design.others_m:
+        each = [_places(None, view, (x, y, z)) for view in design.views]
+        centres, lengths = sum((own for own, _ in each), ()), sum((own for _, own in each), ())
+        resting = tuple(range(inner, len(centres)))
+        firsts = np.cumsum([0, *(len(own) for own, _ in each[:-1])]).tolist()
+        sensors = tuple(first + number for first in firsts for number in sensors)
+    elif design.others_m:
+        elsewhere = ~design.passive(np.array(centres)) & ~design.in_zone(np.array(centres))
+        resting = tuple(np.flatnonzero(elsewhere).tolist())
     if not table.centres_mm and design.zones > 1:  # every zone has the same patches
-        inner = len(centres) // (3 if table.behind_mm else 1)
         centres = tuple((x, float(mid)) for mid in design.zone_centres_m for x, _ in centres[:inner]) + centres[inner:]
         lengths = lengths[:inner] * design.zones + lengths[inner:]
         sensors = tuple(inner * zone + number for zone in range(design.zones) for number in sensors)
@@ -301,6 +315,7 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
         sensors=sensors,
         drive_v=float(table.drive_V),
         circuit=table.circuit,
+        resting=tuple(number for number in resting if number not in sensors),
         glue=None if values.glue_mm is None else Layer(values.materials[GLUE], MM * values.glue_mm),
     )
     _check_sensors(patches, diagnostics)
@@ -385,6 +400,10 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
             values.diagnostics.missing("cell.attached", "cannot be combined with cell.file: draw the mass as a body")
     values.diagnostics.stop()
     _check_losses(values, design, patches)
+    if design.others_m:
+        for fault in check_placed(design):
+            values.diagnostics.add(*fault)
+        values.diagnostics.stop()
     if design.outline:
         for fault in check_outline(design, values.given):
             values.diagnostics.add(*fault)
@@ -583,10 +602,10 @@ def _around(file: Tables, outline: Outline | None) -> dict[str, Any]:
     """Return the size of a plate larger than zone and rows, and the place of the zone on it; none for other plates."""
     if file.plate.length_mm is None or file.plate.width_mm is None:
         return {}
-    x, y = file.zone.centre_mm or (0.0, file.zone.centre_y_mm or 0.0)
+    (x, y), *others = file.zone.places_mm
     larger = outline.size_m if outline else (MM * file.plate.length_mm, MM * file.plate.width_mm)
     placed = {"centre_m": (MM * x, MM * y), "surround": bool(file.array.surround), "outline": outline}
-    return {"larger_m": larger, **placed}
+    return {"larger_m": larger, **placed, "others_m": tuple((MM * x, MM * y) for x, y in others)}
 
 
 def _air(values: Values) -> Air | None:

@@ -35,6 +35,7 @@ from pipeline.case.checks import (
 from pipeline.case.limits import FREQUENCY_KHZ, LOSS_FACTOR, MAX_CONTRAST, MAX_LAYERS, MIN_LAYER, YOUNG_GPA, span
 from pipeline.case.outlines import read_file, sizes_mm
 from pipeline.case.schema import (
+    AXES,
     GLUE_ALLOWED,
     LAYERS_ALLOWED,
     MATERIAL_ALLOWED,
@@ -87,8 +88,8 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "plate.length_mm": ("array.extension_mm", "plate.file"),
     "plate.width_mm": ("array.extension_mm", "plate.file"),
     "plate.file": ("array.extension_mm", "plate.length_mm", "plate.width_mm", "plate.thickness_mm", "plate.layer"),
-    "zone.centre_mm": ("zone.centre_y_mm",),
-    "zone.centre_y_mm": ("zone.centre_mm",),
+    "zone.centre_mm": ("zone.centre_x_mm", "zone.centre_y_mm"),
+    "zone.centres_mm": ("zone.centre_mm", "zone.centre_x_mm", "zone.centre_y_mm"),
     **UNIFORM_ROW_KEYS,
     **{other: (key,) for key, others in UNIFORM_ROW_KEYS.items() for other in others},
 }
@@ -426,8 +427,9 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
     for key, value in overrides:
         if key in ("array.pitch_x_mm", "array.pitch_y_mm", PITCHES):
             _split_pitch(result)
-        if key == "zone.centre_y_mm" and (x := _centre_x(result)) is not None:
-            key, value = "zone.centre_mm", [x, value]
+        if key in AXES and (centre := _centre(result)):
+            centre[AXES.index(key)] = value
+            key, value = "zone.centre_mm", centre
         for other in ALTERNATIVES.get(key, ()):
             _drop(result, other)
         if key == "pillar.shape" and isinstance(value, str) and value in SHAPES:
@@ -436,11 +438,11 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
     return result
 
 
-def _centre_x(raw: dict[str, Any]) -> Any:
-    """The x of a zone's `centre_mm`, which stays when y is set; None without one."""
+def _centre(raw: dict[str, Any]) -> list[Any]:
+    """A zone's `centre_mm`, of which one value stays when the other is set; empty without one."""
     zone = raw.get("zone")
     centre = zone.get("centre_mm") if isinstance(zone, dict) else None
-    return centre[0] if isinstance(centre, list) and len(centre) == 2 else None
+    return list(centre) if isinstance(centre, list) and len(centre) == 2 else []
 
 
 def toml_text(value: Any) -> str:

@@ -187,6 +187,9 @@ def whole(low: int, high: int, **more: Any) -> Any:
     return Field(ge=low, le=high, description=f"a whole number from {low} to {high}", **more)
 
 
+AXES = ("zone.centre_x_mm", "zone.centre_y_mm")
+
+
 class ZoneTable(Table):
     length_mm: float = positive(LENGTH_MM)
     width_mm: float = positive(LENGTH_MM)
@@ -195,7 +198,16 @@ class ZoneTable(Table):
     shared_rows: int = whole(0, 1000, default=0)
     gap_mm: float | None = optional(LENGTH_MM)
     centre_mm: Place | None = Field(default=None, description=f"two numbers [x, y], {FROM_CENTRE}")
+    centre_x_mm: Coordinate | None = Field(default=None, description=f"a number, {FROM_CENTRE}")
     centre_y_mm: Coordinate | None = Field(default=None, description=f"a number, {FROM_CENTRE}")
+    centres_mm: Annotated[list[Place], Field(min_length=2, max_length=limits.MAX_ZONES)] | None = Field(
+        default=None, description=f"a list of 2 to {limits.MAX_ZONES} centres [x, y], {FROM_CENTRE}"
+    )
+
+    @property
+    def places_mm(self) -> list[list[float]]:
+        """Centre of every zone, [0, 0] where none is given."""
+        return self.centres_mm or [self.centre_mm or [self.centre_x_mm or 0.0, self.centre_y_mm or 0.0]]
 
 
 def _zero_or(within: Range) -> AfterValidator:
@@ -472,7 +484,8 @@ class Tables:
 class Zone(TypedDict, total=False):
     """Active zone: a strip of length_mm along x and width_mm across; the target mode has nodal_lines nodes along x.
 
-    On a plate larger than zone and rows its centre may be anywhere, at centre_mm from the plate's.
+    On a plate larger than zone and rows its centre may be anywhere, at centre_mm from the plate's; centres_mm gives those of
+    several equal zones.
 
     >>> from antinode import Zone
     >>> Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8)["width_mm"]
@@ -486,7 +499,9 @@ class Zone(TypedDict, total=False):
     shared_rows: int
     gap_mm: float
     centre_mm: list[float]
+    centre_x_mm: float
     centre_y_mm: float
+    centres_mm: list[list[float]]
 
 
 class Pillar(TypedDict, total=False):

@@ -174,13 +174,13 @@ def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -
 
 def of_case(case: Case, solve: bool, log: TerminalLog) -> Scene:
     """Build the scene of a case with CAD; solved, its target mode and the neighbouring modes."""
-    from pipeline.case.features import LARGER, OF_A_PLATE, OUTLINE, SUPPORTS
+    from pipeline.case.features import LARGER, OF_A_PLATE, OUTLINE, PLACES, SUPPORTS
     from pipeline.case.limits import warn_of_doubts
     from pipeline.models import mode_fields, modes
     from pipeline.models.mode_fields import nearest_rows
 
     warn_of_doubts(case.design, log)
-    case.refuse("view", (LARGER, OUTLINE, SUPPORTS) if solve else OF_A_PLATE)
+    case.refuse("view", (LARGER, PLACES, OUTLINE, SUPPORTS) if solve else OF_A_PLATE)
     case.require_plate("view")
     if not solve:
         return _solid(case, log)

@@ -12,7 +12,7 @@ import numpy as np
 from geometry.elements import FloatArray, IntArray
 from geometry.files import written_whole
 from geometry.lattice import Lattice
-from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, OUTLINE, ZONES
+from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, OUTLINE, PLACES, ZONES
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -83,7 +83,7 @@ def _require(case: Case, form: str, part: str) -> None:
     """Raise InputError for a case that lacks what is to be written, or that the format cannot honour."""
     command = f"export {form}"
     of_plate = form != "phonopy" and part == "plate"
-    honours = OF_A_PLATE if form in CAD or not of_plate else (LARGER, OUTLINE) if form in WHOLE else (LARGER,)
+    honours = OF_A_PLATE if form in CAD or not of_plate else (LARGER, PLACES, OUTLINE) if form in WHOLE else (LARGER,)
     case.refuse(command, honours)
     if of_plate:
         case.require_plate(command)

@@ -162,6 +162,14 @@ class TargetMode(TargetRecord):
     frequency_hz: float = column("frequency of the target mode", "Hz", error="frequency_error")
 
 
+class ZoneTarget(Part):
+    """Target mode of one of several zones on a larger plate."""
+
+    zone: int = column("number of the zone, from 1 in the order of the case")
+    centre_m: tuple[float, float] = column("its centre (x, y) from the plate's", "m")
+    target: TargetMode | TargetRecord = column("its target mode")
+
+
 class Wave(Part):
     """One wave across the rows."""
 
@@ -252,6 +260,7 @@ class DrivenZone(Part):
     """One zone driven at its own peak while the other zones' patches are held at 0 V; lists have one entry per zone."""
 
     centre_m: float = column("y of the driven zone's centre line", "m")
+    centre_x_m: float = column("x of its centre", "m", default=0.0)
     drivers: list[int] = column("numbers of the driven patches, from 0")
     peak_hz: float = column("frequency at which the driven zone moves most", "Hz", error="peak_error")
     peak_error: float | None = column(BAR.format("peak_hz, relative"), default=None)

@@ -6,13 +6,14 @@ Curves over frequency have error bars, as do the quality factor of a peak and it
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from itertools import chain
+from dataclasses import dataclass, replace
+from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
+from geometry.layout import Design
 from geometry.tiling import Tiling, tile
 from pipeline.case.model import Case
 from pipeline.errors import InputError
@@ -258,8 +259,8 @@ def check_zones(case: Case) -> None:
     said = []
     if patches.circuit != "short":
         said.append(f"patches.circuit = {patches.circuit!r}: must be 'short', zones at rest keep their patches at 0 V")
-    y = np.array([patches.centres_m[i][1] for i in patches.drivers])
-    bare = [i + 1 for i, mid in enumerate(design.zone_centres_m) if not (np.abs(y - mid) < design.width_m / 2.0).any()]
+    centres = np.array([patches.centres_m[i] for i in range(patches.count) if i not in patches.sensors])
+    bare = [i for i, view in enumerate(design.views, start=1) if not view.in_zone(centres).any()]
     if bare:
         said.append(f"patches.centres_mm: no patch drives zone {', '.join(map(str, bare))}; every zone needs one")
     if said:
@@ -276,10 +277,11 @@ def solve(
     """
     case.require("patches", command="crosstalk")
     check_zones(case)
-    forced = forced_plate(case, log, band_hz, meshes, is_announced)
-    patches, design = case.patches, case.design
+    design, patches = case.design, case.patches
     assert patches is not None
-    with log.step(f"{design.zones} zones, each driven in turn"), one_thread():
+    case = replace(case, patches=replace(patches, resting=()))  # each zone has its turn
+    forced = forced_plate(case, log, band_hz, meshes, is_announced)
+    with log.step(f"{len(design.views)} zones, each driven in turn"), one_thread():
         zones, volts = zones_of(forced), zone_volts(forced, np.array(patches.centres_m))
         frequencies = np.linspace(*forced.band_hz, points)
         errors, known = frequency_errors(forced), doubts(forced, calibration.mixing())
@@ -290,7 +292,8 @@ def solve(
             (at,) = zones.rms(fed, np.array([peak]))
             driven.append(
                 DrivenZone(
-                    centre_m=float(design.zone_centres_m[zone]),
+                    centre_m=design.views[zone].centre_m[1],
+                    centre_x_m=design.views[zone].centre_m[0],
                     drivers=np.flatnonzero(fed).tolist(),
                     peak_hz=peak,
                     rms_m_per_V=at[:-1].tolist(),
@@ -308,15 +311,25 @@ def solve(
         "model": f"{forced.plate.name} with {patches.count} patches",
         "dof": sum(group.pencil.dof for group in forced.plate.groups),
         "shared_rows": design.shared_rows,
-        "gap_m": design.zone_gap_m,
+        "gap_m": design.zone_gap_m if design.zones > 1 else _gap_m(design),
         "frequency_hz": frequencies.tolist(),
         "zones": driven,
     }
 
 
+def _gap_m(design: Design) -> float:
+    """Least distance between the borders of two zones anywhere on a plate, m; 0 for a single one."""
+    size = np.array([design.length_m, design.width_m])
+    pairs = combinations(np.array([view.centre_m for view in design.views]), 2)
+    return min(
+        (float(np.linalg.norm(np.maximum(np.abs(one - other) - size, 0.0))) for one, other in pairs), default=0.0
+    )
+
+
 def _search_window_hz(case: Case) -> tuple[float, float] | None:
-    """First search window of the target mode, Hz; None for several zones, which share no mode."""
-    return mesh_rules.search_window_hz(case.design) if case.design.zones == 1 else None
+    """First search window of the target mode, Hz; None for several driven zones, which share no mode."""
+    several = len(case.design.views) > 1 and not (case.patches and case.patches.resting)
+    return None if several else mesh_rules.search_window_hz(case.design)
 
 
 def _bonded(case: Case, tiling: Tiling) -> list[BondedPatch]:

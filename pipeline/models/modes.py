@@ -18,9 +18,19 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import own_frequency, parts
-from pipeline.models.answer_parts import CountRecord, TargetRecord
+from pipeline.models.answer_parts import CountRecord, TargetRecord, ZoneTarget
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
-from pipeline.models.target import ModeRow, Target, joined, look, look_about, look_among, mode_rows, verdict_text
+from pipeline.models.target import (
+    ModeRow,
+    Target,
+    joined,
+    look,
+    look_about,
+    look_among,
+    measured,
+    mode_rows,
+    verdict_text,
+)
 from pipeline.planning import refinement, resource_estimate, simplifications
 from pipeline.planning.model_choice import (
     DEFAULT_COUNT,
@@ -878,6 +888,32 @@ def _released(case: Case, free: Case, solved: PartModes, log: Log) -> tuple[_Cla
     one.shared.guess = solved.vectors[symmetry][:, [row.column for row in solved.rows]]
     one.shared.counts |= span.counts
     return one, span
+
+
+@one_thread()
+def of_other_zones(case: Case, solved: PartModes) -> list[ZoneTarget]:
+    """Find the target modes of the further zones of a larger plate among the modes solved for the first one."""
+    if solved.part != "plate" or not case.design.others_m:
+        return []
+    return [
+        _of_zone(replace(case, design=view), solved, number)
+        for number, view in enumerate(case.design.views, start=1)
+        if number > 1
+    ]
+
+
+def _of_zone(case: Case, solved: PartModes, number: int) -> ZoneTarget:
+    """The target mode of the zone in the middle of a view of the plate."""
+    known = solved.whole_window
+    columns = [row.column for row in known.rows]
+    measures = measure(solved.model.touch(None, solved.vectors[None][:, columns]), case.design, None)
+    rows = tuple(measured(row, measures, place) for place, row in enumerate(known.rows))
+    seen = replace(known, rows=rows, target=look_among(rows, known.count), overlaps={})
+    record = _with_level_bars(case, seen).target_part()
+    assert record is not None
+    return ZoneTarget(
+        zone=number, centre_m=case.design.centre_m, target=replace(record, index=solved.index(seen.target_row))
+    )
 
 
 def target_lines(part_modes: PartModes, design: Design) -> list[str]:

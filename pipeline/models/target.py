@@ -76,6 +76,13 @@ def mode_rows(modes: Modes, symmetry: str | None, measures: Confinement | None, 
     ]
 
 
+def measured(row: ModeRow, measures: Confinement, place: int) -> ModeRow:
+    """Return a mode with other measures, whose error bars are not known."""
+    bars = ("zone_share_error", "confinement_error_db", "mac_error", "strength_error", "extension_error_db")
+    own: dict[str, Any] = {name: _number(getattr(measures, name)[place]) for name in MEASURES} | dict.fromkeys(bars)
+    return replace(row, **own)
+
+
 def _number(value: float) -> float | None:
     return float(value) if isfinite(value) else None
 

@@ -202,7 +202,7 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
             frequency_hz, design.length_m, design.width_m, design.thickness_m, design.stack.mean, clamped_m
         )
     plate = plate_modes(frequency_hz, *design.plate_m, design.thickness_m, design.stack.mean)
-    if design.surround and design.pillar:
+    if design.lists_feet and design.pillar:
         return plate + pillar_count(design) * design.pillar.faces * pillar_modes(frequency_hz, design.pillar)
     own = Counter(design.row_pillars)
     shared = design.shared_rows * (design.zones - 1) / 2.0  # a row stands for two, one on each side
@@ -216,7 +216,7 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
 
 def pillar_count(design: Design) -> int:
     """Number of pillars of the plate, without listing them unless they surround a zone."""
-    if design.surround:
+    if design.lists_feet:
         return len(design.pillar_centres())
     rows = 2 * design.rows + design.shared_rows * (design.zones - 1)
     shifted = design.rows // 2 if design.is_staggered else 0
@@ -267,7 +267,7 @@ def _volume_m3(design: Design, part: str) -> float:
         return design.length_m * design.width_m * design.thickness_m
     plate = design.plate_m[0] * design.plate_m[1] * design.thickness_m
     plate = design.outline.volume_m3 if design.outline else plate
-    if design.surround and pillar:
+    if design.lists_feet and pillar:
         return plate + pillar_count(design) * pillar.faces * one
     return plate + (
         _per_row(design) * sum(each.faces * each.volume_m3 for each in design.row_pillars)

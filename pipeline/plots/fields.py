@@ -48,13 +48,13 @@ def draw_outlines(axes: Axes, design: DesignRecord) -> None:
     from matplotlib.patches import Rectangle
 
     edge, (x0, x1, y0, y1) = design.width_m / 2 / MM, np.array(design.ends_m) / MM
-    (x, y), reach = np.array(design.centre_m) / MM, design.length_m / 2 / MM
-    for middle in design.zone_centres_m or [MM * y]:
-        for side in (middle / MM - edge, middle / MM + edge):
+    reach = design.length_m / 2 / MM
+    for x, y in design.zone_places_m / MM:
+        for side in (y - edge, y + edge):
             axes.plot([x - reach, x + reach], [side, side], **ZONE_EDGE)
         for end in (x - reach, x + reach):
             if x0 + 1e-9 * reach < end < x1 - 1e-9 * reach:
-                axes.plot([end, end], [middle / MM - edge, middle / MM + edge], **ZONE_EDGE)
+                axes.plot([end, end], [y - edge, y + edge], **ZONE_EDGE)
     feet = footprints_mm(design, np.reshape(design.pillar_centres_m, (-1, 2)))
     if design.rims_m:
         sides = [np.reshape(side, (2, 2)) / MM for side in design.rims_m]

@@ -355,8 +355,8 @@ def _dimensions(design: DesignRecord, geometry: Any) -> str:
     plate = (
         f"plate {2 * design.half_length_m / MM:g} × {2 * design.half_span_m / MM:g} × {design.thickness_m / MM:g} mm"
     )
-    zones, long = len(design.zone_centres_m), f"{design.length_m / MM:g} mm long and " if design.larger_m else ""
-    words = [plate, f"{f'{zones} zones' if zones else 'zone'} {long}{design.width_m / MM:g} mm wide"]
+    zones, long = len(design.zone_places_m), f"{design.length_m / MM:g} mm long and " if design.larger_m else ""
+    words = [plate, f"{f'{zones} zones' if zones > 1 else 'zone'} {long}{design.width_m / MM:g} mm wide"]
     pillar, pitch_m = design.pillar, design.pitch_x_m
     if pillar and pitch_m and design.rows:
         rows = len({y for _, y in design.pillar_centres_m})

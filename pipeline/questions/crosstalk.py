@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from pipeline.case.features import ZONES
+from pipeline.case.features import LARGER, PLACES, STRESS, SUPPORTS, ZONES
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.answer_parts import DrivenZone, worst_of
 from pipeline.quantity import KHZ, MM, NM, frequency_with_bar, level, level_figure, level_with_bar
@@ -60,6 +60,8 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
         """Yield the gap and one line per driven zone."""
         between = f"{self.shared_rows} rows" if self.shared_rows else "no row"
         head = f"{len(self.zones)} zones, {self.gap_m / MM:g} mm and {between} between neighbours"
+        if any(zone.centre_x_m for zone in self.zones):
+            head = f"{len(self.zones)} zones, at least {self.gap_m / MM:g} mm between their borders"
         yield head if len(self.zones) > 1 else "one zone"
         yield from map(_in_words, self.zones)
 
@@ -85,7 +87,7 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
         over.set(xlabel="frequency (kHz)", ylabel="rms u_z (nm/V)", title="Zone 1 driven")
         over.legend(fontsize=9)
         worst = "one zone" if self.worst_db is None else f"at most {level(self.worst_db)} in another zone"
-        alt = f"Cross-talk between {len(self.zones)} zones, {self.shared_rows} rows between neighbours: {worst}"
+        alt = f"Cross-talk between {len(self.zones)} zones, {self.gap_m / MM:g} mm between neighbours: {worst}"
         return [style.ReportFigure("crosstalk", "Cross-talk between zones", alt, drawn, vector=True)]
 
     def __repr__(self) -> str:
@@ -99,14 +101,15 @@ def _in_words(zone: DrivenZone) -> str:
     if zone.passive_db is not None:
         passive = f"; passive face {level_with_bar(zone.passive_db, zone.passive_error_db)}"
     peak = frequency_with_bar(zone.peak_hz, zone.peak_error)
-    return f"driven at y = {zone.centre_m / MM:g} mm, {peak}: zones at {levels}{passive}"
+    at = f"x = {zone.centre_x_m / MM:g} mm, " if zone.centre_x_m else ""
+    return f"driven at {at}y = {zone.centre_m / MM:g} mm, {peak}: zones at {levels}{passive}"
 
 
 class Crosstalk(
     Question[CrosstalkResult],
     needs=("patches",),
     drives=True,
-    honours=(ZONES,),
+    honours=(ZONES, LARGER, PLACES, SUPPORTS, STRESS),
     example="crosstalk examples/37-two-zones.toml --out crosstalk",
 ):
     """Drive each of several zones on one plate in turn and measure all, in dB ([[zone]] in the case).
@@ -132,7 +135,7 @@ class Crosstalk(
         from dataclasses import replace
 
         step = plans.response_step(case, hz(self.band_kHz), self.points)
-        looks = f"{self.points} frequencies, {case.design.zones} zones, each driven in turn"
+        looks = f"{self.points} frequencies, {len(case.design.views)} zones, each driven in turn"
         own = replace(step, measure=self.name, name="cross-talk between zones", looks_for=looks)
         return plans.plan_of(case, own)
 

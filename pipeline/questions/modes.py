@@ -9,13 +9,14 @@ from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
-from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, OUTLINE, STRESS, SUPPORTS, ZONES
+from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, OUTLINE, PLACES, STRESS, SUPPORTS, ZONES
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
-from pipeline.models.answer_parts import CountRecord, ModeRecord, TargetMode, TargetRecord
+from pipeline.models.answer_parts import CountRecord, ModeRecord, TargetMode, TargetRecord, ZoneTarget
 from pipeline.quantity import (
     HZ,
     KHZ,
+    MM,
     frequency_figure,
     frequency_with_bar,
     interval,
@@ -75,6 +76,9 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     without_supports: TargetMode | TargetRecord | None = column(
         "target mode of the same plate without its supports: what the mount costs; None for a plate without supports",
         default=None,
+    )
+    other_zones: list[ZoneTarget] = column(
+        "target modes of the zones after the first, if there are several on a larger plate", default_factory=list
     )
     reduction_error: float | None = column(
         "largest truncation error, relative; None for a body that was not reduced", default=None
@@ -145,6 +149,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             The result.
         """
         from pipeline.models.mode_fields import closed_surface
+        from pipeline.models.modes import of_other_zones
         from pipeline.models.target import widest_bar
 
         modes = [
@@ -159,7 +164,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             count_check=solved.count_check, target=solved.target_part(), reduction_error=solved.reduction_error,
             expected_error=solved.expected_error, error_bar=bar,
             widest_bar=widest_bar(solved.rows).to_dict(), solved=solved, case=case,
-            without_supports=loose and replace(loose, index=None),
+            without_supports=loose and replace(loose, index=None), other_zones=of_other_zones(case, solved),
         )  # fmt: skip
 
     # -- a sequence of modes
@@ -242,6 +247,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             yield WidestBar(**{name: self.widest_bar[name] for name in ("error", "of", "parts")}).text()
         if self.solved:
             yield from target_lines(self.solved, self.case.design)
+        yield from map(_in_words, self.other_zones)
         yield from self._mounted()
 
     def _mounted(self) -> Iterator[str]:
@@ -303,11 +309,23 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return f"<antinode.Modes of the {self.part}: {len(self)}{span}>"
 
 
+def _in_words(zone: ZoneTarget) -> str:
+    x, y = (place / MM for place in zone.centre_m)
+    where, found = f"zone {zone.zone} at ({x:g}, {y:g}) mm: ", zone.target
+    if not isinstance(found, TargetMode):
+        return f"{where}no mode listed has its target shape"
+    level = (
+        "" if found.confinement_db is None else f", {level_with_bar(found.confinement_db, found.confinement_error_db)}"
+    )
+    kind = "target mode" if found.status == "single" else "target shape split among several modes, strongest at"
+    return f"{where}{kind} {frequency_with_bar(found.frequency_hz, found.frequency_error)}{level}"
+
+
 class Modes(
     Question[ModesResult],
     example="modes studies/three-rows.toml --part zone --count 14",
     at_own_frequencies=True,
-    honours=(LARGER, OUTLINE, SUPPORTS, STRESS),
+    honours=(LARGER, PLACES, OUTLINE, SUPPORTS, STRESS),
     aliases=("confinement",),
     pictures=("plots.rendering.report_figures", "plots.fields.touch_face", "plots.fields.neighbours"),
 ):

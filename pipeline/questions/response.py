@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.case.features import LARGER, STRESS, SUPPORTS
+from pipeline.case.features import LARGER, PLACES, STRESS, SUPPORTS
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_SEED
 from pipeline.errors import InputError
 from pipeline.measured.parts import MeasuredRecord
@@ -419,7 +419,7 @@ class Response(
     Question[ResponseResult],
     needs=("patches",),
     drives=True,
-    honours=(LARGER, SUPPORTS, STRESS),
+    honours=(LARGER, PLACES, SUPPORTS, STRESS),
     at_own_frequencies=True,
     example="response studies/three-rows.toml --band 28kHz:38kHz",
 ):

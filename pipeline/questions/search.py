@@ -320,7 +320,7 @@ class Search(
     vary: tuple[Range, ...] = option(
         default=(), metavar="KEY=LOW:HIGH",
         help="key of plate, zone, pillar or array with two ends; array.heights_mm=5:7 varies each row, "
-        "zone.centre_mm=-8:8 x and y of a zone on a larger plate, "
+        "zone.centre_mm=-8:8 x and y of a zone on a larger plate (zone.centre_x_mm and zone.centre_y_mm one of them), "
         "array.stagger=false:true, pillar.faces=back:both and pillar.material=steel:brass are choices",
     )  # fmt: skip
     goal: Goal = option(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from pipeline.case.features import LARGER, STRESS, SUPPORTS
+from pipeline.case.features import LARGER, PLACES, STRESS, SUPPORTS
 from pipeline.models.answer_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
 from pipeline.quantity import MM, UM, frequency, frequency_with_bar, level_with_bar, signed, with_bar
 from pipeline.quantity import figure as in_digits
@@ -194,7 +194,7 @@ class Touch(
     Question[TouchResult],
     needs=("patches", "touch"),
     drives=True,
-    honours=(LARGER, SUPPORTS, STRESS),
+    honours=(LARGER, PLACES, SUPPORTS, STRESS),
     at_own_frequencies=True,
     example="touch examples/34-touch.toml --out touched",
 ):

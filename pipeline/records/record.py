@@ -15,8 +15,10 @@ from math import isclose, isfinite
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from geometry.elements import FloatArray
 from geometry.lattice import Lattice
 from geometry.layout import Design, Pillar
 from geometry.pillar_shapes import PillarShape, stored_shape
@@ -112,7 +114,7 @@ class DesignRecord(Part):
 
     rims_m: sides x0, y0, x1, y1 of the polygons round the touch face of a plate of a file, whose origin places then count from.
     zone_centres_m: y of every zone if there are several. larger_m: length and width of a plate larger than zone and rows, with
-    the zone's centre. If rows differ, graded_pillars and graded_widths_m (of the
+    the zone's centre, others_m: those of further zones on it. If rows differ, graded_pillars and graded_widths_m (of the
     rows' strips) have one entry per row from the zone outwards, and pillar is that of the first row.
     """
 
@@ -134,6 +136,7 @@ class DesignRecord(Part):
     larger_m: tuple[float, float] | None = None
     centre_m: tuple[float, float] = (0.0, 0.0)
     surround: bool = False
+    others_m: list[tuple[float, float]] = []
     rims_m: list[tuple[float, float, float, float]] = []
     oblique_m: tuple[tuple[float, float], tuple[float, float]] | None = None
 
@@ -145,6 +148,12 @@ class DesignRecord(Part):
         x = [place for side in self.rims_m for place in side[::2]]
         y = [place for side in self.rims_m for place in side[1::2]]
         return min(x), max(x), min(y), max(y)
+
+    @property
+    def zone_places_m(self) -> FloatArray:
+        """Centre (x, y) of every zone, (zones, 2), m."""
+        beside = [(0.0, y) for y in self.zone_centres_m]
+        return np.array(beside or [self.centre_m, *self.others_m])
 
     @property
     def half_length_m(self) -> float:
@@ -161,6 +170,7 @@ class DesignRecord(Part):
             own |= {"graded_pillars": shapes, "graded_widths_m": design.row_pitches_m.tolist()}
         if design.outline:
             own["rims_m"] = design.outline.touch.segments.reshape(-1, 4).round(DRAWN).tolist()
+        own["others_m"] = [*design.others_m]
         own["zone_centres_m"] = design.zone_centres_m.tolist() if design.zones > 1 else []
         return cls.of(design, pillar=shape, pillar_centres_m=design.pillar_centres().tolist(), **own)
 

@@ -231,6 +231,11 @@ def sketch(design: DesignRecord) -> Markup:
     scale = min(1.0, WIDE / length)
     zone, long = design.width_m / MM, design.length_m / MM
     x, y = design.centre_m[0] / MM, -design.centre_m[1] / MM
+    size = f'width="{long:.2f}" height="{zone:.2f}"'
+    zones = "".join(
+        f'<rect class="zone" {ZONE} x="{at - long / 2:.2f}" y="{-across - zone / 2:.2f}" {size}/>'
+        for at, across in design.zone_places_m / MM
+    )
     side = MARGIN / scale
     letters = LETTERS * (length + 2.0 * side)
     pillars = " ".join(
@@ -243,7 +248,7 @@ def sketch(design: DesignRecord) -> Markup:
     return Markup(
         f'<svg class="sketch" viewBox="{box}" role="img" aria-label="Sketch of the plate: {words}">'
         f"{_plate(design, x0, y0, length, breadth)}"
-        f'<rect class="zone" {ZONE} x="{x - long / 2:.2f}" y="{y - zone / 2:.2f}" width="{long:.2f}" height="{zone:.2f}"/>'
+        f"{zones}"
         f'<path class="pillars" {PILLARS} d="{pillars}"/>'
         f'<g font-size="{letters:.2f}" text-anchor="middle">'
         f'<text x="{x:.2f}" y="{y + letters / 3:.2f}">active zone, {zone:g} mm wide</text>'

@@ -16,7 +16,7 @@ from geometry.layout import Design
 from geometry.materials import MATERIALS
 from pipeline.case.model import Case, parsed
 from pipeline.case.reading import HEIGHTS, SIDES, UNIFORM_ROW_KEYS, apply_overrides, nearest, toml_text
-from pipeline.case.schema import LISTS, MATERIAL_OWNERS, TABLES, Table, known_keys, of_any_element
+from pipeline.case.schema import AXES, LISTS, MATERIAL_OWNERS, TABLES, Table, known_keys, of_any_element
 from pipeline.errors import InputError
 from pipeline.quantity import MM
 from pipeline.search.terms import Range, Window
@@ -24,6 +24,7 @@ from pipeline.search.terms import Range, Window
 VARIED = ("plate", "zone", "pillar", "array")  # the tables that shape the plate
 STEP_MM = 0.01  # printers are no more accurate
 EXAMPLE = "such as pillar.height_mm=5:8"
+SEVERAL = "zone.centres_mm"  # lists no single numbers
 CENTRE = "zone.centre_mm"  # x and y, each between the two ends
 WORDS = {"true": True, "false": False}  # and the values that they stand for
 
@@ -116,6 +117,8 @@ class Space:
         value = _at(raw, table).get(name)
         if variable.row is not None:
             return self._of_row(design, variable.key, variable.row)
+        if variable.key in AXES and design.larger_m:
+            return round(design.centre_m[AXES.index(variable.key)] / MM, 9)
         if variable.key == "zone.gap_mm" and design.zones > 1:
             return round(design.zone_gap_m / MM, 9)
         if variable.words:
@@ -197,6 +200,8 @@ def space_of(case: Case, ranges: Sequence[Range]) -> Space:
     keys = {variable.key for variable in variables}
     if "array.rows" in keys and any(variable.row and variable.key != CENTRE for variable in variables):
         faults.append("--vary array.rows: cannot vary together with a key that has one value per row")
+    if CENTRE in keys and (own := sorted(keys & {*AXES})):
+        faults.append(f"--vary {CENTRE}: cannot vary together with {own[0]}, which it moves, too")
     if faults:
         raise InputError(faults)
     return Space(case, tuple(variables))
@@ -236,6 +241,7 @@ def searchable_keys() -> dict[str, bool]:
             kind = str(field.annotation)
             if not any(word in kind for word in ("Literal", "str", "bool")):
                 keys[f"{table}.{name}"] = "int" in kind
+    del keys[SEVERAL]
     return keys
 
 

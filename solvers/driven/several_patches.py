@@ -94,21 +94,22 @@ def zones_of(forced: ForcedPlate) -> Zones:
     whole = forced.modes[0].group.symmetries == (WHOLE,)
     flips = np.array([(1.0, 1.0)] if whole else FLIPS)
     count = sum(basis.columns.shape[1] for basis in forced.modes)
-    grams, areas = np.zeros((design.zones + 1, count, count)), np.zeros(design.zones + 1)
-    shapes, norms = np.zeros((design.zones, count)), np.zeros(design.zones)
+    views = design.views
+    grams, areas = np.zeros((len(views) + 1, count, count)), np.zeros(len(views) + 1)
+    shapes, norms = np.zeros((len(views), count)), np.zeros(len(views))
     for flip in flips:
         values = np.hstack(
             [_added(basis.group.symmetries, own, flip) for basis, own in zip(forced.modes, fields, strict=True)]
         )
         weights = first.weights / len(flips)
         points = first.points * flip
-        target = target_shape(design, np.column_stack([points[:, 0], design.from_zone_m(points[:, 1])]))
-        for place, part in enumerate(zone_parts(design, points[:, 1])):
+        for place, part in enumerate(zone_parts(design, points)):
             grams[place] += values[part].T @ (weights[part, None] * values[part])
             areas[place] += weights[part].sum()
-            if place < design.zones:
-                shapes[place] += (weights[part] * target[part]) @ values[part]
-                norms[place] += weights[part] @ target[part] ** 2
+            if place < len(views):
+                target = target_shape(views[place], points[part])
+                shapes[place] += (weights[part] * target) @ values[part]
+                norms[place] += weights[part] @ target**2
     known = areas > 1e-9 * areas.max()
     with np.errstate(divide="ignore", invalid="ignore"):
         means = np.where(known[:, None, None], grams / areas[:, None, None], np.nan)
@@ -137,11 +138,10 @@ def zone_volts(forced: ForcedPlate, centres_m: FloatArray) -> FloatArray:
         In V.
     """
     design = forced.design
-    volts = np.zeros((design.zones, len(centres_m)))
-    for zone, middle in enumerate(design.zone_centres_m):
-        local = centres_m - np.array([0.0, middle])
-        own = [i for i in forced.drivers if abs(local[i, 1]) < design.width_m / 2.0]
-        volts[zone, own] = np.where(target_shape(design, local[own]) < 0.0, -1.0, 1.0)
+    volts = np.zeros((len(design.views), len(centres_m)))
+    for zone, view in enumerate(design.views):
+        own = [i for i in forced.drivers if view.in_zone(centres_m[[i]])[0]]
+        volts[zone, own] = np.where(target_shape(view, centres_m[own]) < 0.0, -1.0, 1.0)
     return volts
 
 
@@ -164,7 +164,7 @@ def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray,
     ndarray, shape (driven, zones, n)
         In m/V; NaN without an estimate.
     """
-    forced, count = zones.forced, zones.forced.design.zones
+    forced, count = zones.forced, len(zones.shapes)
     if known is None:
         return np.full((len(volts), count, len(frequency_hz)), np.nan)
 
@@ -193,7 +193,7 @@ def peak_half_widths(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, k
         Half-widths by name: `rms_error_m_per_V` and `level_error_db` (zones,), `passive_error_db`, `mac_error`; NaN
         if unknown.
     """
-    forced, count = zones.forced, zones.forced.design.zones
+    forced, count = zones.forced, len(zones.shapes)
     parts = count + zones.has_passive
     grams = np.concatenate([zones.grams[:parts], [np.outer(zones.shapes[zone], zones.shapes[zone])]])
 

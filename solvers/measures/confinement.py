@@ -132,10 +132,10 @@ class Overlaps:
     @classmethod
     def of(cls, touch: TouchField, design: Design, symmetry: str | None = None) -> Overlaps | None:
         """Integrate over both parts; None without a passive face."""
-        active = touch.is_active(design)
-        if active.all():
+        passive = design.passive(touch.points)
+        if not passive.any():
             return None
-        faces = [(touch.weights[part], touch.values[part]) for part in (active, ~active)]
+        faces = [(touch.weights[part], touch.values[part]) for part in (touch.is_active(design), passive)]
         heavy = touch.weights * (shape := _shape_at(touch, design, symmetry))
         projection = heavy @ touch.values / np.sqrt(max(float(heavy @ shape), 1e-300))
         surface = design.stack.mass_kg_m2
@@ -331,7 +331,7 @@ def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinem
     """
     shape = _shape_at(touch, design, symmetry)
     profile = Profile(touch.points[:, 1], touch.weights, touch.values, shape, touch.modal_mass_kg)
-    return _measured(profile, design, touch.is_active(design), design.beyond_rows(touch.points))
+    return _measured(profile, design, touch.points)
 
 
 def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
@@ -382,14 +382,13 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
     Confinement
         Of every motion, (k,) each; the MAC is 0 where the target shape is zero.
     """
-    places = np.column_stack([np.zeros(len(profile.y_m)), profile.y_m])
-    return _measured(profile, design, design.in_zone(places), design.beyond_rows(places))
+    return _measured(profile, design, np.column_stack([np.zeros(len(profile.y_m)), profile.y_m]))
 
 
-def _measured(profile: Profile, design: Design, active: BoolArray, beyond: BoolArray) -> Confinement:
-    """Measure motions at places whose parts of the touch face are known."""
-    weights, squares = profile.weights, np.abs(profile.values) ** 2
-    parts = [weights * part for part in (active, ~active, beyond)]
+def _measured(profile: Profile, design: Design, points: FloatArray) -> Confinement:
+    """Measure motions at points (q, 2) of the touch face."""
+    weights, squares, active = profile.weights, np.abs(profile.values) ** 2, design.in_zone(points)
+    parts = [weights * part for part in (active, design.passive(points), design.beyond_rows(points))]
     shape, values = profile.shape[active], profile.values[active]
     own = weights[active] @ np.abs(shape) ** 2
     projection = np.abs((weights[active] * shape.conj()) @ values) ** 2 / np.maximum(own, 1e-300)
@@ -426,22 +425,22 @@ def confined(
     return Confinement(share, level, projection / np.maximum(inside, 1e-300), further, per_mass * projection)
 
 
-def zone_parts(design: Design, y: FloatArray) -> list[BoolArray]:
+def zone_parts(design: Design, points: FloatArray) -> list[BoolArray]:
     """Find the points in each zone, and in none.
 
     Parameters
     ----------
     design : Design
         The plate with its zones.
-    y : ndarray, shape (q,)
-        Distance from the plate's middle line, in m.
+    points : ndarray, shape (q, 2)
+        Points in m from the centre of the plate.
 
     Returns
     -------
     list of ndarray of bool, shape (q,)
         One mask per zone, then the mask of the passive face.
     """
-    inside = [np.abs(y - middle) < design.width_m / 2.0 for middle in design.zone_centres_m]
+    inside = [each.in_zone(points) for each in design.views]
     return [*inside, ~np.logical_or.reduce(inside)]
 
 
@@ -506,7 +505,10 @@ def drive_zones(
     """
     if not len(frequency_hz):
         raise SolverError("the plate has no mode around the frequency of its isolated zone")
-    parts = [np.where(part, profile.weights, 0.0) for part in zone_parts(design, profile.y_m)]
+    parts = [
+        np.where(part, profile.weights, 0.0)
+        for part in zone_parts(design, np.column_stack([0.0 * profile.y_m, profile.y_m]))
+    ]
     adjoint = profile.values.conj().T
     grams = np.array([adjoint @ (part[:, None] * profile.values) / part.sum() for part in parts])
     forces = [adjoint @ (part * profile.shape) for part in parts[:-1]]

@@ -540,8 +540,8 @@ class ForcedPlate:
         """Areas of the active and of the passive touch face, as far as nothing hangs from them; None without a passive one."""
         plate = self.modes[0].group.plates[0]
         field = plate.touch(np.zeros((plate.dof, 0)))
-        active = field.is_active(self.design)
-        inside, outside = float(field.weights[active].sum()), float(field.weights[~active].sum())
+        parts = field.is_active(self.design), self.design.passive(field.points)
+        inside, outside = (float(field.weights[part].sum()) for part in parts)
         return inside, outside if outside > 1e-9 * inside else None
 
     def curve(self, frequency_hz: FloatArray) -> Curve:
@@ -680,8 +680,8 @@ def touched(group: Group, motions: FloatArray, design: Design) -> Touched:
     grams, strength = (np.zeros((count, count)), np.zeros((count, count))), np.zeros(count)
     for plate, part in zip(group.plates, group.split(motions), strict=True):
         field = plate.touch(part)
-        active = field.is_active(design)
-        for gram, rows in zip(grams, (np.flatnonzero(active), np.flatnonzero(~active)), strict=True):
+        parts = field.is_active(design), design.passive(field.points)
+        for gram, rows in zip(grams, map(np.flatnonzero, parts), strict=True):
             for some in np.array_split(rows, len(rows) // ROWS + 1):
                 gram += field.values[some].T @ (field.weights[some, None] * field.values[some])
         strength += (strength_force(field, design, plate.symmetry or None) @ field.values) ** 2

@@ -145,6 +145,7 @@ def test_set(override, read):
 def test_setting_a_centres_y_keeps_its_x():
     raw = {"zone": {"centre_mm": [10.0, -8.0]}}
     assert apply_overrides(raw, [("zone.centre_y_mm", 3.0)]) == {"zone": {"centre_mm": [10.0, 3.0]}}
+    assert apply_overrides(raw, [("zone.centre_x_mm", 3.0)])["zone"]["centre_mm"][0] == 3.0
     assert apply_overrides({"zone": {}}, [("zone.centre_y_mm", 3.0)]) == {"zone": {"centre_y_mm": 3.0}}
 
 

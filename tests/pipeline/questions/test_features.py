@@ -18,6 +18,7 @@ from pipeline.case.features import (
     OBLIQUE,
     OF_A_PLATE,
     OUTLINE,
+    PLACES,
     STRESS,
     SUPPORTS,
     UNKNOWN,
@@ -43,6 +44,11 @@ TABLES: dict[str, dict[str, Any]] = {
     },
     ZONES: {"zone": [SMALL["zone"], {"shared_rows": 3}]},
     LARGER: {"plate": {**SMALL["plate"], "length_mm": 80.0, "width_mm": 60.0}, "array": {"pitch_mm": 4.0, "rows": 1}},
+    PLACES: {
+        "plate": {**SMALL["plate"], "length_mm": 200.0, "width_mm": 60.0},
+        "zone": {**SMALL["zone"], "centres_mm": [[-50.0, 0.0], [50.0, 0.0]]},
+        "array": {"pitch_mm": 4.0, "rows": 1},
+    },
     SUPPORTS: {"support": [{"kind": "clamp", "edge": "y-"}]},
     STRESS: {"support": [{"kind": "simple", "edge": "x+"}], "solve": {"temperature_C": 60.0}},
     UNKNOWN: {
@@ -65,6 +71,7 @@ WORDS = {
     OUTLINE: "plate.file = housing.step: ",
     ZONES: "zone.count = 2: ",
     LARGER: "plate.length_mm = 80: ",
+    PLACES: "zone.centres_mm = 2 centres: ",
     SUPPORTS: "[[support]]: ",
     STRESS: "solve.temperature_C = 60: ",
     UNKNOWN: "expansion_per_K of given: ",

@@ -157,6 +157,12 @@ def test_a_zone_moves_over_a_larger_plate_by_assembled_plates_alone(
     [
         (("--vary", "pillar.height_mm=6:7", "--goal", "widest"), "search --goal widest supports a plate as long as"),
         (("--vary", "zone.centre_mm=60:70"), "the zone extends beyond the plate"),
+        (("--vary", "zone.centre_x_mm=60:70"), "the zone extends beyond the plate"),
+        (
+            ("--vary", "zone.centre_mm=0:2", "--vary", "zone.centre_x_mm=0:2"),
+            "cannot vary together with zone.centre_x_mm",
+        ),
+        (("--vary", "zone.centres_mm=0:2"), "does not set a number of the plate"),
         (("--vary", "array.rows=20:30"), "rows do not fit between zone and edge"),
         (("--vary", "array.extension_mm=1:2"), "must be left out of a plate with length_mm"),
     ],
@@ -167,6 +173,20 @@ def test_what_a_larger_plate_cannot_vary_is_one_line(
     assert run(ON_GLASS, "--quiet", *arguments) == 2
     text = [line for line in capsys.readouterr().err.splitlines() if line]
     assert len(text) == 1 and said in text[0]
+
+
+@pytest.mark.parametrize(
+    "given", [("zone.centre_mm=[8.0,-5.0]",), ("zone.centre_mm=[0.0,-5.0]", "zone.centre_x_mm=8.0")]
+)
+def test_the_zone_moves_along_each_axis_in_a_range_of_its_own(given: tuple[str, ...]) -> None:
+    """What is not varied stays, and the design of the file is known to the search."""
+    space = read_space(ON_GLASS, [*given], ["zone.centre_y_mm=-6:0", "zone.centre_x_mm=4:9"])
+    assert space.own_values() == (-5.0, 8.0)
+    moved = space.case((-2.0, 4.5))
+    assert 1e3 * np.array(moved.design.centre_m) == pytest.approx([4.5, -2.0])
+    assert space.overrides((-2.0, 4.5)) == ["zone.centre_y_mm=-2", "zone.centre_x_mm=4.5"]
+    one = read_space(ON_GLASS, [*given], ["zone.centre_x_mm=4:9"])
+    assert 1e3 * np.array(one.case((4.5,)).design.centre_m) == pytest.approx([4.5, -5.0])
 
 
 def test_a_key_with_a_value_a_row_varies_row_by_row() -> None:
