@@ -55,6 +55,12 @@ def zoomed(page: Any, times: float) -> None:
     page.wait_for_function("([it, times]) => Math.abs(it.dataset.zoom - times) < 0.006", arg=[svg, times])
 
 
+def whole_diagram(page: Any) -> None:
+    """Show all bands of the diagram, which opens where the target mode lies."""
+    page.locator("#dispersion-all").click()
+    zoomed(page, 1.0)
+
+
 def place_of_wave(page: Any, number: int) -> tuple[float, float]:
     """Where on the screen a wave's mark is."""
     page.locator("#dispersion-diagram").scroll_into_view_if_needed()
@@ -175,6 +181,7 @@ def test_without_webgl_a_still_picture_stands_in(visit_without_gl: Visits, study
 
 def test_the_diagram_tells_the_wave_under_the_pointer(visit: Visits, study: Path) -> None:
     page = visit(study).page
+    whole_diagram(page)
     page.mouse.move(*place_of_wave(page, 9))  # the tenth wave at the first wavevector
     tip = page.locator("#dispersion-diagram .tip")
     data = json.loads(page.locator("#bands-data").inner_text())["cells"][0]
@@ -188,6 +195,7 @@ def test_the_diagram_tells_the_wave_under_the_pointer(visit: Visits, study: Path
 
 def test_the_diagram_goes_by_keyboard(visit: Visits, study: Path) -> None:
     page = visit(study).page
+    whole_diagram(page)
     page.locator("#dispersion-diagram svg").focus()
     for key in ("ArrowRight", "ArrowRight", "ArrowUp"):
         page.keyboard.press(key)
@@ -203,6 +211,7 @@ def test_the_diagram_goes_by_keyboard(visit: Visits, study: Path) -> None:
 
 def test_the_diagram_zooms_by_wheel_and_buttons_and_shades_its_gap(visit: Visits, study: Path) -> None:
     page = visit(study).page
+    whole_diagram(page)
     waves = int(page.locator("#dispersion-diagram svg").get_attribute("data-waves"))
     page.mouse.move(*place_of_wave(page, 100))
     page.mouse.wheel(0, -100)
@@ -219,6 +228,16 @@ def test_the_diagram_zooms_by_wheel_and_buttons_and_shades_its_gap(visit: Visits
     assert "163 to 176 kHz" in page.locator("#dispersion-diagram .gap-label").text_content()
 
 
+def test_the_diagram_opens_where_the_target_mode_lies(visit: Visits, study: Path) -> None:
+    page = visit(study).page
+    data = json.loads(page.locator("#bands-data").inner_text())["cells"][0]
+    highest = 1.04 * max(max(row) for row in data["hz"])
+    zoomed(page, highest / (2.0 * data["target_hz"]))
+    assert highest > 4.0 * data["target_hz"]
+    line, frame = (page.locator(f"#dispersion-diagram {name}").bounding_box() for name in (".target-line", "rect.frame"))
+    assert line["y"] == pytest.approx(frame["y"] + 0.5 * frame["height"], abs=1.5)
+
+
 def test_the_diagram_is_there_before_the_first_frame(browser: Any, study: Path) -> None:
     """As in a tab opened in the background, where no animation frame comes."""
     context = browser.new_context()
@@ -231,6 +250,7 @@ def test_the_diagram_is_there_before_the_first_frame(browser: Any, study: Path) 
 
 def test_marks_tell_polarisations_apart_without_colour(visit: Visits, study: Path) -> None:
     page = visit(study).page
+    whole_diagram(page)
     kinds = "(name) => [...new Set([...document.querySelectorAll(`#dispersion-diagram .wave.${name}`)].map((m) => m.tagName))]"
     assert [page.evaluate(kinds, name) for name in ("flexural", "shear", "longitudinal")] == [
         ["circle"],
@@ -246,6 +266,7 @@ def test_a_click_on_a_wave_shows_its_shape_at_the_nearest_stored_point(visit: Vi
     seen = visit(study)
     page = seen.page
     assert not page.locator(WAVES).is_visible()
+    whole_diagram(page)
     page.mouse.click(*place_of_wave(page, 2 * 10 + 2))  # third wavevector, third band
     assert "band 3 at Γ" in page.locator("#dispersion-note").inner_text()
     canvas = moving(page, WAVES)

@@ -38,7 +38,7 @@
     tip.hidden = true;
     document.querySelector("#dispersion-gap").hidden = !cell.gaps.length;
     document.querySelector("#dispersion-target").hidden = !cell.target_hz;
-    zoom_to(whole);
+    zoom_to(cell.target_hz ? about_target() : whole);
     draw(); // at once, so that early pointer or keyboard input finds the diagram
     write_legend();
   }
@@ -252,7 +252,8 @@
     const room = 0.6 * (widest.upper_hz - widest.lower_hz);
     zoom_to({ x: whole.x, y: [widest.lower_hz - room, widest.upper_hz + room] });
   }
-  const to_target = () => zoom_to({ x: whole.x, y: [0, 2 * cell.target_hz] });
+  const about_target = () => ({ x: whole.x, y: [0, 2 * cell.target_hz] });
+  const to_target = () => zoom_to(about_target());
   const on_cursor = () => cursor && [cell.arc[cursor.point], cell.hz[cursor.point][cursor.band]];
 
   // --- interaction -------------------------------------------------------------------------------------------------
