@@ -30,7 +30,7 @@ from pipeline.quantity import GRAM, MM, figure, frequency, level, percent
 from pipeline.search.terms import mass_kg
 from solvers.errors import SolverError
 from solvers.measures.confinement import measure_profile
-from solvers.parametric.affine import NAMES, Sizes, between
+from solvers.parametric.affine import NAMES, DesignBox, Sizes, between
 from solvers.superelement.cell import Cell
 from solvers.threads import one_thread
 from solvers.variation.samples import CUT, Deviations
@@ -87,8 +87,17 @@ class Limit:
     high: float
     step: float
 
+    def scaled(self, factor: float) -> Limit:
+        """The slider with its ends times a factor, and a step of 1, 2 or 5 in the first digit."""
+        if factor == 1.0:
+            return self
+        low, high = (float(f"{factor * end:.9g}") for end in (self.low, self.high))
+        power = 10.0 ** math.floor(math.log10(factor * self.step))
+        digit = max(each for each in (1.0, 2.0, 5.0) if each * power <= factor * self.step * (1.0 + 1e-9))
+        return replace(self, low=low, high=high, step=float(f"{digit * power:.9g}"))
 
-LIMITS = {
+
+LIMITS = {  # of plates of ordinary sizes; Scene.limits lays them about others
     "height": Limit("pillar.height_mm", "Pillar height", "mm", 4.0, 9.0, 0.05),
     "side": Limit("pillar.side_mm", "Pillar side", "mm", 1.0, 3.0, 0.05),
     "pitch": Limit("array.pitch_mm", "Pitch", "mm", 3.0, 8.0, 0.05),
@@ -115,7 +124,15 @@ class Scene:
         own = LIMITS | {"side": replace(side, word=WIDTHS.get(pillar.shape, side.word))}
         if self.case.design.pitch_x_m != self.case.design.pitch_y_m:
             own["pitch"] = replace(own["pitch"], key="array.pitch_x_mm", word="Pitch along the zone")
-        return own
+        return {name: limit.scaled(self.factors[name]) for name, limit in own.items()}
+
+    @cached_property
+    def factors(self) -> dict[str, float]:
+        """Factors on the sliders' ends, as on those of the box of bases: 1 where they hold the file's own design."""
+        usual = DesignBox()
+        sizes = np.divide(usual.about(sizes_of(self.case.design)).low, usual.low)
+        own = dict(zip(NAMES, sizes.round(9).tolist(), strict=True))
+        return own | {"rows": 1.0, "extension": own["pitch"]}
 
     @property
     def following(self) -> dict[str, tuple[str, float]]:
@@ -228,11 +245,16 @@ class Explorer:
         cells = np.repeat(box.sample(between(CLOUD // PLATES, seed=4)), PLATES, axis=0)
         sizes = dict(zip(NAMES, cells.T, strict=True))
         unit = qmc.Halton(2, seed=5).random(CLOUD)
-        designs = []
+        designs, limits = [], self.scene.limits
         for number, (one, other) in enumerate(unit):
             values = {name: 1e3 * own[number] for name, own in sizes.items()}
-            values |= {"rows": 1.0 + np.floor(5.0 * one), "extension": 5.0 + 30.0 * other}
-            stepped = {name: round(round(values[name] / limit.step) * limit.step, 6) for name, limit in LIMITS.items()}
+            values |= {
+                "rows": 1.0 + np.floor(5.0 * one),
+                "extension": self.scene.factors["extension"] * (5.0 + 30.0 * other),
+            }
+            stepped = {
+                name: float(f"{round(values[name] / limit.step) * limit.step:.9g}") for name, limit in limits.items()
+            }
             if not box.faults((MM * stepped["thickness"], *(MM * stepped[name] for name in NAMES[1:]))):
                 designs.append(stepped)
         return designs
@@ -560,7 +582,10 @@ def _profile(y_m: FloatArray, weights: FloatArray, squares: FloatArray, end_m: f
     area = np.bincount(slot, weights, PROFILE)
     level = np.sqrt(np.bincount(slot, weights * squares, PROFILE)[area > 0.0] / area[area > 0.0])
     places = (np.flatnonzero(area > 0.0) + 0.5) / PROFILE * end_m
-    return {"y_mm": np.round(1e3 * places, 3).tolist(), "level": np.round(level / level.max(), 5).tolist()}
+    return {
+        "y_mm": [float(f"{1e3 * place:.6g}") for place in places],
+        "level": np.round(level / level.max(), 5).tolist(),
+    }
 
 
 def _number(value: float) -> float | None:

@@ -16,7 +16,7 @@ from geometry.elements import FloatArray
 from geometry.layout import SHORT, Design
 from geometry.materials import Isotropic
 from pipeline.errors import InputError
-from pipeline.explore.answer import LIMITS, NEAR, POINTS, PROFILE, STEEPEST_DB, WIDE_M, WORDS, Explorer, Limit
+from pipeline.explore.answer import NEAR, POINTS, PROFILE, STEEPEST_DB, WIDE_M, WORDS, Explorer, Limit
 from pipeline.models import live_column
 from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, thin_error
 from pipeline.models.parametric import CellModel, MeshTable
@@ -144,7 +144,7 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "kx": case.target_kx_per_m,
         "half_wave": design.half_wavelength_m or design.width_m,
         "plate_density": design.stack.material.density_kg_m3,
-        "windows": _windows(design, LIMITS["thickness"]),
+        "windows": _windows(design, scene.limits["thickness"]),
         "panel": PANEL,
         "reach": finite.REACH,
         "finite": _finite(design),

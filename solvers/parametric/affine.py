@@ -12,7 +12,7 @@ likewise, theta_q products of powers of side, clearances, thickness, height and 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -155,6 +155,17 @@ class DesignBox:
     def share(self, sizes: FloatArray | Sizes) -> float:
         """The block's width over the panel's smaller one."""
         return float(self.foot.reach * sizes[SIDE] / (self.narrow * sizes[PITCH]))
+
+    def about(self, sizes: Sizes) -> DesignBox:
+        """The box laid about a design: the limits of each length that it does not hold times a factor of one digit, and the
+        clearance with the smaller one of side and pitch.
+        """
+        factors = [
+            1.0 if low <= size <= high else float(f"{size / np.sqrt(low * high):.1g}")
+            for size, low, high in zip(sizes, self.low, self.high, strict=True)
+        ]
+        low, high = (as_sizes(np.array([factors]) * ends)[0] for ends in (self.low, self.high))
+        return replace(self, low=low, high=high, clearance_m=min(factors[SIDE], factors[PITCH]) * self.clearance_m)
 
     def faults(self, sizes: FloatArray | Sizes) -> list[str]:
         """What keeps a cell out of the box, one sentence each, by name; empty for one inside."""

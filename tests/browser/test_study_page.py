@@ -234,7 +234,9 @@ def test_the_diagram_opens_where_the_target_mode_lies(visit: Visits, study: Path
     highest = 1.04 * max(max(row) for row in data["hz"])
     zoomed(page, highest / (2.0 * data["target_hz"]))
     assert highest > 4.0 * data["target_hz"]
-    line, frame = (page.locator(f"#dispersion-diagram {name}").bounding_box() for name in (".target-line", "rect.frame"))
+    line, frame = (
+        page.locator(f"#dispersion-diagram {name}").bounding_box() for name in (".target-line", "rect.frame")
+    )
     assert line["y"] == pytest.approx(frame["y"] + 0.5 * frame["height"], abs=1.5)
 
 

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.case.model import case_from_dict
+from pipeline.case.reading import read_toml
 from pipeline.cli.main import main
 from pipeline.explore import offline
+from pipeline.explore.answer import LIMITS, Scene
 from pipeline.models import parametric as cell_model
 from tests.helpers.exploring import SMALL, small_explorer
 
@@ -61,13 +64,24 @@ def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(
     assert "--export" in capsys.readouterr().err
 
 
+def test_the_sliders_are_laid_about_a_thin_plate() -> None:
+    raw = read_toml(SMALL)
+    scene = Scene(case_from_dict(raw, SMALL, ["plate.thickness_mm=0.7"]), raw, ("plate.thickness_mm=0.7",))
+    scene.check()
+    limits = scene.limits
+    assert (limits["thickness"].low, limits["thickness"].high, limits["thickness"].step) == (0.4, 1.2, 0.02)
+    assert {name: limit for name, limit in limits.items() if name != "thickness"} == {
+        name: limit for name, limit in LIMITS.items() if name != "thickness"
+    }
+
+
 def test_a_case_outside_the_sliders_is_refused_before_anything_is_computed(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cell_model, "cell_model", lambda case, log: pytest.fail("computed"))
-    assert main(["explore", str(SMALL), "--set", "plate.thickness_mm=0.7", "--no-browser", "--quiet"]) == 2
+    assert main(["explore", str(SMALL), "--set", "array.rows=9", "--no-browser", "--quiet"]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "explore: plate.thickness_mm = 0.7: must be from 1 to 3 mm" in line
+    assert "explore: array.rows = 9: must be from 0 to 8" in line
 
 
 def test_the_vendored_solver_is_the_one_its_readme_names() -> None:

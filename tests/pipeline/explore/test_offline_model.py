@@ -177,6 +177,29 @@ def test_many_drawn_designs_have_pythons_numbers(whole_boxes: list[Explorer], pa
 
 @pytest.mark.slow
 @needs_node
+def test_a_thin_plate_has_sliders_about_it_and_the_bands_of_one_a_thousand_times_larger(tmp_path: Path) -> None:
+    """Lengths times a thousand, frequencies by a thousand: two boxes of other proportions, each within its bases' error."""
+    wide, thin = replace(OFFLINE, box=DesignBox()), ("plate.thickness_mm=0.7", "pillar.height_mm=7.1")
+    own = {"plate.thickness_mm": 0.7, "pillar.height_mm": 7.1, "pillar.side_mm": 2.0, "array.pitch_mm": 4.0}
+    zone = {"zone.length_mm": 20.0, "zone.width_mm": 16.0, "array.extension_mm": 10.0}
+    micro = tuple(f"{key}={value / 1e3:g}" for key, value in (own | zone).items())
+    one = small_explorer(tmp_path / "thin", *thin, offline=wide)
+    other = small_explorer(tmp_path / "micro", *micro, offline=wide)
+    limit = one.scene.limits["thickness"]
+    assert (limit.low, limit.high, limit.step) == (0.4, 1.2, 0.02)
+    assert other.scene.limits["height"].high == pytest.approx(0.009) and one.scene.limits["height"].high == 9.0
+    large, small = (each.answer(each.scene.own())["bands"] for each in (one, other))
+    bars = np.add(large["error"], small["error"])
+    parted = np.abs(np.array(small["frequency_hz"]) / 1e3 - large["frequency_hz"])
+    assert (parted <= bars * np.array(large["frequency_hz"]) + 0.1).all() and bars.min() < 0.05  # Hz: they are rounded
+    designs = drawn(one, 6, FEW)
+    (told,) = answers([(one, [("answer", given) for given in designs])], tmp_path / "worker.js")
+    for given, theirs in zip(designs, told, strict=True):
+        require_same(one, given, theirs)
+
+
+@pytest.mark.slow
+@needs_node
 def test_the_ends_of_every_slider_have_pythons_answer(whole_boxes: list[Explorer], tmp_path: Path) -> None:
     """Beyond them, and between them what does not fit, is refused in Python's words."""
     one, own = whole_boxes[1], whole_boxes[1].scene.own()

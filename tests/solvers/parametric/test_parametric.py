@@ -92,6 +92,20 @@ def test_samples_fit_the_box() -> None:
     assert not any(DesignBox().faults(sizes) for sizes in designs)
 
 
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        (0.7e-3, 7.11e-3, 2e-3, 4e-3), (2e-6, 6e-6, 2e-6, 4e-6), (5e-3, 13e-3, 4e-3, 9e-3), (0.3e-3, 20e-3, 0.5e-3, 9e-3),
+        (2.9e-3, 3e-3, 2.6e-3, 3.2e-3),
+    ],
+)  # fmt: skip
+def test_a_box_is_laid_about_a_design(sizes: Sizes) -> None:
+    box, usual = DesignBox().about(sizes), DesignBox()
+    assert not box.faults(sizes) and box.about(sizes) == box
+    assert np.divide(box.high, box.low) == pytest.approx(np.divide(usual.high, usual.low))
+    assert usual.about((2e-3, 6e-3, 2e-3, 4e-3)) is not None and usual.about((2e-3, 6e-3, 2e-3, 4e-3)) == usual
+
+
 def test_rigid_motions_meet_no_force_and_carry_the_mass(cells: tuple[ParametricCell, ...]) -> None:
     t, h, a, p = UNSEEN[0]
     cell = cells[0].at(UNSEEN[0], Inner(4, 4))
