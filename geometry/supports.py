@@ -12,6 +12,7 @@ from geometry.elements import FloatArray
 
 EDGES = ("x-", "x+", "y-", "y+")
 KINDS = ("clamp", "simple", "foam", "spring", "mass")
+SOFT = 5e-3  # largest part of a plate's own stiffness and inertia that soft supports add
 NEAR_M = 1e-9  # supports that agree to a nanometre are each other's image
 
 

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
-from math import ceil, floor
+from math import ceil, floor, pi
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from geometry.hex.scenes import (
 from geometry.layout import Design
 from geometry.materials import Stack
 from geometry.mesh import Mesh
-from geometry.supports import Support, is_held_disc
+from geometry.supports import SOFT, Support, is_held_disc
 from geometry.tiling import Panel, Tiling, grid, tile
 from pipeline.case.model import Case
 from pipeline.logs import Log
@@ -154,7 +154,8 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> ResourceEstimat
     each = float(query.count) if near and query.count is not None else each
     change = _changes(case, choice, query)
     if choice.reduction is not None:
-        return _assembled(case, choice, choice.reduction, classes, each, near, change)
+        plates = 2 if case.design.supports and not (classes == 1 and _is_followed(case, choice, query)) else 1
+        return _assembled(case, choice, choice.reduction, classes, each, near, change, plates)
     mesh = whole_mesh(case, choice)
     each = min(each, mesh.dofs)
     reported = min(each, total) if near else classes * each
@@ -345,8 +346,9 @@ def _assembled(
     modes: float,
     near: bool,
     change: tuple[str, ...],
+    plates: int,
 ) -> ResourceEstimate:
-    """Estimate a plate assembled from panels: the reductions, then the assembled classes."""
+    """Estimate a plate assembled from panels: the reductions, then the assembled classes, as often as it is solved."""
     own = assembled_class(case.design, choice, reduction)
     reducing = Cost()
     for body, functions, copies in own.kinds:
@@ -363,7 +365,6 @@ def _assembled(
     measuring = Cost((Stage("measuring the modes", MEASURED_BYTES * panels * modes),))
     for _ in range(classes):
         cost = cost.then(solve, kept_bytes)
-    plates = 2 if case.design.supports else 1  # one of them without its supports
     cost = cost.then(measuring, plates * kept_bytes + reducing.peak.bytes)  # what the reductions took is not returned
     return ResourceEstimate(
         cost,
@@ -374,6 +375,39 @@ def _assembled(
         choice.kind != HEX,
         _parallel_bytes(classes, solve),
     )
+
+
+BENDS = 1.2  # times what a panel that does not bend bears
+
+
+def _is_followed(case: Case, choice: ModelChoice, query: Request) -> bool:
+    """Whether the modes without supports are expected to follow from those with them (`solvers.plates.released`)."""
+    free, reduction = replace(case, design=case.design.unsupported), choice.reduction
+    if reduction is None or not query.band_hz or case.target_symmetry != free.target_symmetry:
+        return False
+    held = case.design.is_stressed or any(each.held_axes for each in case.design.supports)
+    return not held and softness(case.design, tile(case.design, reduction.max_edge_m), query.band_hz[0]) <= SOFT
+
+
+def softness(design: Design, tiling: Tiling, low_hz: float) -> float:
+    """Estimate what springs and masses add to the plate's stiffness and inertia, relative, at a frequency in Hz.
+
+    The panel that bears a support moves as a whole and tilts: a force at its edge finds a quarter of its mass, at a corner a
+    seventh. Its own bending adds a little.
+    """
+    squared, surface, total = (2.0 * pi * low_hz) ** 2, design.stack.mass_kg_m2, 0.0
+    (across, along), places = design.plate_m, [np.diff(lines) for lines in (tiling.x, tiling.y)]
+    for each in design.supports:
+        axis, length = "xy".find(each.edge[:1]), {"x": along, "y": across}.get(each.edge[:1], 0.0)
+        if each.edge:
+            share = 4.0 / (surface * length * places[axis][0 if each.edge[1] == "-" else -1])
+        else:
+            at = [
+                np.searchsorted(lines, place) - 1 for lines, place in zip((tiling.x, tiling.y), each.at_m, strict=True)
+            ]
+            share = 7.0 / (surface * places[0][at[0]] * places[1][at[1]])
+        total += BENDS * float(share) * (each.stiffness_of(length) / squared + each.mass_kg)
+    return total
 
 
 def _held_discs(own: AssembledClass) -> Iterator[tuple[Cost, float]]:

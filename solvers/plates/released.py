@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.supports import SOFT  # largest t and f: the interval loses as much of its ends
 from solvers.fem.eigen import Count
 from solvers.superelement.plate import AssembledPlate
 
-SOFT = 5e-3  # largest t and f: the interval loses as much of its ends
 ROUNDING = 1e-9  # of an end's eigenvalue
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import psutil
 import pytest
 
+from geometry.supports import Support
 from pipeline.batch import case_study
 from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.case.schema import known_keys
@@ -329,6 +330,20 @@ def test_a_heavy_tip_on_a_soft_neck_is_not_taken_for_many_functions() -> None:
     """The cell's own modes are counted on a coarse mesh; a smeared mass had 6000 where 20 lie below the cut-off."""
     (demand,) = Bands().plan(load_case(SMALL, CELLS["neck and cap"].split()[3::2])).demands.values()
     assert demand.functions and demand.functions < 300 and max(demand.finer_bytes) < 8.0 * GIB
+
+
+def test_a_plate_on_soft_foam_is_kept_once_and_one_on_stiff_foam_twice() -> None:
+    """Without soft supports its modes follow; the estimate is then that of the plate without any."""
+    case = load_case(ROOT / "studies" / "large-display.toml")
+    (foam,) = case.design.supports
+
+    def most(*supports: Support) -> float:
+        own = replace(case, design=replace(case.design, supports=supports))
+        return plan.modes_step(own, Request()).demand.cost.peak.bytes
+
+    stiff = most(replace(foam, bedding_n_m2=1e7))
+    assert most(foam) == pytest.approx(most(), rel=1e-6) and stiff > 1.05 * most(foam)
+    assert most(replace(foam, kind="simple", bedding_n_m2=0.0)) == pytest.approx(stiff, rel=1e-6)
 
 
 def test_every_key_that_a_text_names_is_one_of_the_schema() -> None:

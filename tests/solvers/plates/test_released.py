@@ -13,10 +13,11 @@ from scipy.sparse.linalg import eigsh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from geometry.supports import Support
+from geometry.supports import SOFT, Support
+from pipeline.planning.resource_estimate import softness
 from solvers.fem.eigen import Modes, Shared, count_below, modes_in_band
 from solvers.plates.assembled import PlateModel, Reductions
-from solvers.plates.released import SOFT, released
+from solvers.plates.released import released
 from solvers.superelement.interface import Interface, ReductionSettings
 
 GLASS, ALUMINIUM = MATERIALS["glass"], MATERIALS["aluminium"]
@@ -122,3 +123,13 @@ def test_the_bound_of_a_plate_of_two_panels_is_nearly_met() -> None:
     resisting = sp.csc_array(other.stiffness + value * other.mass)
     largest = eigsh(own.stiffness - other.stiffness, 1, resisting, which="LA", return_eigenvectors=False)[0]
     assert largest < plate.softness(value)[0] < 1.9 * largest and plate.softness(value)[1] == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["foam", "spring", "mass"])
+def test_a_plan_knows_how_soft_supports_are(name: str) -> None:
+    """The estimate bounds the worst panel's share, and is at most four times as large."""
+    design = replace(PLATE, supports=SUPPORTS[name])
+    plate = PlateModel(design, Reductions(design.stack, design.pillar, SETTINGS)).assembled(None)
+    exact = max(plate.softness(plate.scale.eigenvalue(BAND[0])))
+    assert exact <= softness(design, plate.tiling, BAND[0]) <= 4.0 * exact
