@@ -1,4 +1,4 @@
-"""Unit cell of a user's mesh: sides tied by Bloch's conditions, solved whole, extrapolated from two meshes.
+"""Unit cell of a user's mesh: sides tied by Bloch's conditions, reduced or solved whole, extrapolated from two meshes.
 
 The error of the finer mesh goes as h^q. With q at least 1, that of the strongest singularity of elasticity, a crack's, the
 frequencies f of two meshes whose elements differ by a factor r put the exact one between f and f - |df| / (r - 1).
@@ -13,6 +13,7 @@ import numpy as np
 
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshError
+from geometry.materials import Material
 from geometry.mesh import AnyMesh, cell_volumes
 from pipeline.case.model import Case
 from pipeline.errors import InputError
@@ -22,46 +23,74 @@ from pipeline.models.unit_cell import largest_of_alike
 from pipeline.models.user_mesh import UserMesh, read_bodies
 from pipeline.quantity import MM, figure, percent
 from solvers.accuracy.reduction import STILL, ModeErrors
+from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
-from solvers.waves.bloch import BlochCell
+from solvers.plates.own_cell import body_of
+from solvers.plates.sampled import SampledLattice, sampled_lattice
+from solvers.superelement.interface import Interface
+from solvers.waves.bloch import BlochCell, periodic_nodes, sides
 
 FINER = 1.2  # times smaller at least must the elements of the finer mesh be, along every axis, everywhere
 SAME_BODY = 0.01  # of the size along an axis, and of the volume: two meshes of one cell agree that well
+FACE = Interface(16, 5)  # boundary functions of a reduced cell
+TRUNCATED = 1e-6  # relative change of a frequency by the reduction above which the mesh is solved whole
+MIN_DOF, MIN_WAVEVECTORS = 4000, 9  # the reduction takes longer than fewer solves of a smaller mesh
+SAMPLES, GRID = (
+    3,
+    4,
+)  # wavevectors sampled per segment of the path, and intervals of the grid that is checked over the zone
+UPPER = (np.sqrt(2.0), np.pi)  # wavevectors on one side of this direction: those on the other have the same waves
 BLOCKS = 3  # parts along each axis in which the sizes of elements are compared
 
 
 @dataclass(frozen=True)
-class OwnCell:
-    """A meshed cell, and a coarser mesh of it whose elements are `ratio` times as long; None without one to compare."""
+class Solvable:
+    """A meshed cell, reduced or whole, and the relative truncation error of its frequencies."""
 
     mesh: AnyMesh
-    own: BlochCell
-    coarser: BlochCell | None
+    cell: BlochCell | SampledLattice
+    truncated: float = 0.0
+
+
+@dataclass(frozen=True)
+class OwnCell:
+    """A cell, and a coarser mesh of it whose elements are `ratio` times as long; None without one to compare."""
+
+    finer: Solvable
+    coarser: Solvable | None
     ratio: float
+
+    @property
+    def mesh(self) -> AnyMesh:
+        """The finer mesh."""
+        return self.finer.mesh
 
     @property
     def dof(self) -> int:
         """Degrees of freedom per wavevector."""
-        return self.own.dof
+        return self.finer.cell.dof
 
     @property
     def name(self) -> str:
         """Elements and their order."""
-        return f"own cell {self.mesh.kind}{self.mesh.order}"
+        reduced = ", reduced" if isinstance(self.finer.cell, SampledLattice) else ""
+        return f"own cell {self.mesh.kind}{self.mesh.order}{reduced}"
 
     def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
         """Solve the `count` lowest frequencies at a wavevector (2,) in rad/m; returns them in Hz, with their errors."""
-        tones, none = self.own.frequencies(wavevector, count), np.zeros(count)
-        if self.coarser is None:
-            return tones, ModeErrors(none, none, none, none, np.full(count, np.nan))
-        coarse = self.coarser.frequencies(wavevector, count)
+        tones, none = self.finer.cell.frequencies(wavevector, count), np.zeros(count)
         moving = tones > STILL * tones[-1]
+        lost = self.finer.truncated + (self.coarser.truncated / (self.ratio - 1.0) if self.coarser else 0.0)
+        truncated = np.where(moving, lost, 0.0)
+        if self.coarser is None:
+            return tones, ModeErrors(truncated, none, none, none, np.full(count, np.nan))
+        coarse = self.coarser.cell.frequencies(wavevector, count)
         rise = np.where(moving, coarse / np.where(moving, tones, 1.0) - 1.0, 0.0) / (self.ratio - 1.0)
         half = largest_of_alike(tones, np.abs(rise)) / 2.0
         best = tones * (1.0 - rise / 2.0)
         order = np.argsort(best, kind="stable")
         taken = rise / 2.0 / (1.0 - rise / 2.0)
-        return best[order], ModeErrors(none, none, none, taken[order], half[order])
+        return best[order], ModeErrors(truncated, none, none, taken[order], half[order])
 
     def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
         """Solve the frequencies alone."""
@@ -94,17 +123,50 @@ def own_cell(case: Case, files: Sequence[UserMesh], log: Log) -> OwnCell:
     cells = []
     for each in files:
         read, materials = read_bodies(case, each, log)
-        with log.step("assemble the cell"):
-            try:
-                cells.append((read.mesh, BlochCell(assemble(read.mesh, materials), case.design.lattice)))
-            except MeshError as fault:
-                raise InputError(f"{each.file}: {fault}") from fault
+        try:
+            periodic_nodes(read.mesh, case.design.lattice)
+        except MeshError as fault:
+            raise InputError(f"{each.file}: {fault}") from fault
+        cells.append(_reduced(case, read.mesh, materials, log) or _whole(case, read.mesh, materials, log))
     if len(cells) == 1:
-        return OwnCell(*cells[0], None, compared([cells[0][0]], [files[0].file], log))
-    (coarse, other), (fine, own) = sorted(cells, key=lambda cell: cell[1].dof)
-    names = [files[place].file for place in np.argsort([cell[1].dof for cell in cells], kind="stable")]
-    ratio = compared([coarse, fine], names, log)
-    return OwnCell(fine, own, other if np.isfinite(ratio) else None, ratio)
+        return OwnCell(cells[0], None, compared([cells[0].mesh], [files[0].file], log))
+    order = np.argsort([cell.mesh.dof for cell in cells], kind="stable").tolist()
+    coarse, fine = (cells[place] for place in order)
+    ratio = compared([coarse.mesh, fine.mesh], [files[place].file for place in order], log)
+    return OwnCell(fine, coarse if np.isfinite(ratio) else None, ratio)
+
+
+def _whole(case: Case, mesh: AnyMesh, materials: dict[str, Material], log: Log) -> Solvable:
+    with log.step("assemble the cell"):
+        return Solvable(mesh, BlochCell(assemble(mesh, materials), case.design.lattice))
+
+
+def _reduced(case: Case, mesh: AnyMesh, materials: dict[str, Material], log: Log) -> Solvable | None:
+    """Reduce a cell whose sides are faces of bare plate; None if it is faster or more accurate to solve it whole."""
+    design, bands = case.design, case.bands
+    if mesh.dof < MIN_DOF or (len(case.path(bands.points).wavevectors) < MIN_WAVEVECTORS and not bands.grid):
+        return None
+    try:
+        thickness = float(np.ptp(mesh.nodes[sides(mesh, design.pitch_x_m)[0].nodes, 2]))
+        body = body_of(mesh, materials, design, thickness_m=thickness)
+        with log.step("reduce the cell"):
+            system, places = assemble(body.mesh, body.materials), _sampled_and_checked(case)
+            reduced, error = sampled_lattice(system, body.limited(FACE), *places, bands.count, TRUNCATED, body.edges_m)
+    except (MeshError, SolverError):  # other sides, or more boundary functions than the mesh can distinguish
+        return None
+    is_close = error <= TRUNCATED
+    log.info(
+        f"own cell: {mesh.dof} degrees of freedom on its mesh, {reduced.dof} per wavevector; truncation error of the bands "
+        f"{percent(error)}{'' if is_close else ': the mesh is solved whole'}"
+    )
+    return Solvable(mesh, reduced, error) if is_close else None
+
+
+def _sampled_and_checked(case: Case) -> tuple[FloatArray, FloatArray]:
+    """Wavevectors (n, 2) in rad/m on the path to sample, and those between them and over half the zone to check."""
+    path, finer = (case.path(points).wavevectors for points in (SAMPLES, 2 * SAMPLES))
+    grid = case.design.lattice.grid(GRID, ()) if case.bands.grid else np.empty((0, 2))
+    return np.unique(path, axis=0), np.vstack([finer[1::2], grid[grid @ UPPER >= 0.0]])
 
 
 def compared(meshes: Sequence[AnyMesh], names: Sequence[str], log: Log) -> float:

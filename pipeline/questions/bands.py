@@ -514,7 +514,8 @@ class MeshBands(
 ):
     """Compute Bloch bands and gaps of your own mesh of a unit cell, whose sides are tied along the case's lattice vectors.
 
-    The mesh is solved whole and unchanged; a second, finer or coarser, mesh of the cell gives error bars.
+    The mesh is unchanged: it is reduced to within 1e-6 where its sides are faces of bare plate, and solved whole otherwise. A
+    second, finer or coarser, mesh of the cell gives error bars.
 
     >>> import antinode, meshio, tempfile
     >>> file, side = f"{tempfile.mkdtemp()}/cell.inp", 0.004
@@ -533,7 +534,7 @@ class MeshBands(
         self.check_files()
 
     def plan(self, case: Case) -> Plan:
-        why = ("your own mesh is solved whole and unchanged",)
+        why = ("your own mesh is unchanged; it is reduced where its sides are faces of bare plate",)
         step = plans.Step(self.name, "bands of the mesh", "solid", " and ".join(self.mesh_file), (), "", why)
         return plans.plan_of(case, step)
 

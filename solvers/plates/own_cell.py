@@ -61,7 +61,13 @@ class Body:
         return replace(face, along=min(face.along, along), through=min(face.through, through))
 
 
-def body_of(mesh: AnyMesh, materials: dict[str, Material], design: Design, estimated: bool = False) -> Body:
+def body_of(
+    mesh: AnyMesh,
+    materials: dict[str, Material],
+    design: Design,
+    estimated: bool = False,
+    thickness_m: float | None = None,
+) -> Body:
     """Place a mesh of one cell as a panel of a plate.
 
     Parameters
@@ -74,6 +80,8 @@ def body_of(mesh: AnyMesh, materials: dict[str, Material], design: Design, estim
         Lattice and thickness of the plate, in m.
     estimated : bool, optional
         Whether stress recovery is to correct its discretisation error.
+    thickness_m : float, optional
+        Thickness of the plate if the design has none.
 
     Returns
     -------
@@ -85,7 +93,7 @@ def body_of(mesh: AnyMesh, materials: dict[str, Material], design: Design, estim
     MeshError
         For a lattice without rows along x, and sides that are not those of bare plate.
     """
-    size = np.array([design.pitch_x_m, design.pitch_y_m])
+    size, thick = np.array([design.pitch_x_m, design.pitch_y_m]), thickness_m or design.thickness_m
     if not isinstance(mesh, Mesh) or mesh.kind not in ("tet", "hex"):
         raise errors.MeshError(f"elements are {mesh.kind}: must be tetrahedra alone or hexahedra alone")
     edges = _oblique_edges(design, mesh)
@@ -96,11 +104,11 @@ def body_of(mesh: AnyMesh, materials: dict[str, Material], design: Design, estim
         )  # checked as the rectangle with these sides
     found = {side.name: side for side in sides(mesh, float(size.min()))}
     for name in SIDES:
-        if fault := _fault(mesh, found.get(name), size, design.thickness_m):
+        if fault := _fault(mesh, found.get(name), size, thick):
             raise errors.MeshError(f"side {name} {fault}")
     middle = np.append((mesh.nodes[:, :2].min(axis=0) + mesh.nodes[:, :2].max(axis=0)) / 2.0, 0.0)
-    faces = {name: found[name].facets[0][1] for name in SIDES} | {"touch": _touch(mesh, design.thickness_m)}
-    regions, own = _parted(mesh, materials, design.thickness_m)
+    faces = {name: found[name].facets[0][1] for name in SIDES} | {"touch": _touch(mesh, thick)}
+    regions, own = _parted(mesh, materials, thick)
     nodes = mesh.nodes - middle
     for axis, half in enumerate(size / 2.0):  # sides are exact: boundary functions are evaluated on them
         for sign, name in zip((-1.0, 1.0), SIDES[2 * axis : 2 * axis + 2], strict=True):

@@ -71,7 +71,7 @@ class ReducedLattice:
         self.dof, self.column, self.offset = ties.dof, ties.column, ties.offset
 
     @cached_property
-    def _steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Steps d (9, 2), and K_d and M_d (9, dof^2) of a column's offset less a row's."""
         steps = np.array([(dx, dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)], dtype=float)
         return steps, self._folded(self.cell.stiffness), self._folded(self.cell.mass)
@@ -97,7 +97,7 @@ class ReducedLattice:
 
     def _phased(self, wavevector: FloatArray, size: int) -> list[ComplexArray]:
         """K(k) and M(k) of the first `size` degrees of freedom."""
-        steps, *matrices = self._steps
+        steps, *matrices = self.steps
         angle = steps @ (self.cell.vectors_m @ np.asarray(wavevector, dtype=float))
         turn = np.vstack([np.cos(angle), np.sin(angle)])
         own = (matrix.reshape(9, self.dof, self.dof)[:, :size, :size].reshape(9, -1) for matrix in matrices)

@@ -1,1 +1,1 @@
-"""Bloch waves, gaps and complex bands."""
+"""Bloch waves and their lower bounds, gaps and complex bands."""

@@ -93,7 +93,7 @@ def main() -> None:
     parser.add_argument(
         "--intervals", type=int, default=4, help="elements through the thickness; four times as many across"
     )
-    parser.add_argument("--points", type=int, default=4, help="intervals per segment of the path GXMG")
+    parser.add_argument("--points", type=int, default=25, help="intervals per segment of the path GXMG")
     parser.add_argument("--count", type=int, default=8, help="number of bands")
     parser.add_argument("--scikit", nargs=3, type=int, help=argparse.SUPPRESS)
     given = parser.parse_args()

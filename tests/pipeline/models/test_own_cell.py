@@ -20,6 +20,7 @@ from geometry.mesh import Mesh, split_hexahedra
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.models import own_cell
 from pipeline.questions.bands import BandsResult, MeshBands
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.question import Run, ask
@@ -82,6 +83,20 @@ def test_own_cells_have_the_bands_of_an_independent_finite_element_cell(kind: st
         k = np.array([point.kx_per_m, point.ky_per_m])
         assert point.frequencies_hz == pytest.approx(other_bands(mesh, lattice, k, 6, own), rel=1e-6)
     assert found.points[1].error == [None] * 6 and found.expected_error is None
+
+
+def test_a_reduced_cell_has_the_bands_of_the_whole_one_and_gives_way_to_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, scene = written(grid(1, 1, "hole"), tmp_path / "cell.msh"), case(bands={"points": 3, "count": 4, "grid": 2})
+    whole = bands(scene, file)
+    monkeypatch.setattr(own_cell, "MIN_DOF", 0)
+    reduced = bands(scene, file)
+    assert "reduced" in reduced.model and "reduced" not in whole.model and reduced.dof < whole.dof
+    assert reduced.frequencies_hz == pytest.approx(whole.frequencies_hz, rel=1e-6, abs=STILL_HZ)
+    monkeypatch.setattr(own_cell, "TRUNCATED", 0.0)
+    again = bands(scene, file)
+    assert again.model == whole.model and (again.frequencies_hz == whole.frequencies_hz).all()
 
 
 @pytest.mark.parametrize("kind", ["hole", "two pillars"])
