@@ -27,7 +27,8 @@ NOT_HERE = "not emulated and not image_fits and not make_six and not the_image_k
 def run_tests(folder: Path) -> subprocess.CompletedProcess[str]:
     """The host tests with a library that counts; its counters are written into the folder."""
     flags = "--coverage -O0 -fprofile-update=single"
-    environment = os.environ | {"ANTINODE_HOST_FLAGS": flags, "TMPDIR": str(folder), "CC": "gcc"}
+    places = {"TMPDIR": str(folder), "XDG_CACHE_HOME": str(folder)}  # the library and its counters lie in the cache
+    environment = os.environ | {"ANTINODE_HOST_FLAGS": flags, "CC": "gcc"} | places
     files = [str(TESTS / name) for name in NAMES.split() if (TESTS / name).exists()]
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "not slow", "-k", NOT_HERE, *files]
     return subprocess.run(command, cwd=TESTS.parents[1], env=environment, capture_output=True, text=True)
@@ -61,6 +62,9 @@ def main() -> int:
             print(done.stdout[-3000:], file=sys.stderr)
             return 3
         result = branches(Path(name))
+    if not result:
+        print("coverage: the library left no counters", file=sys.stderr)
+        return 3
     for file, (taken, total) in result.items():
         print(f"{file}: {taken} of {total} branches, {100 * taken / total:.0f} %")
     taken, total = (sum(column) for column in zip(*result.values(), strict=True))
