@@ -151,7 +151,7 @@ def _half_wavelength_mm(wishes: dict[str, Any], target_hz: float) -> float:
     from solvers.analytic.plates import Strip, thin_plate_hz
 
     length, thickness = wishes["length"], wishes["thickness"]
-    if min(length, thickness) <= 0.0:
+    if not (length > 0.0 and thickness > 0.0):
         return LENGTH_MM[0]
     stack = Stack.of(MM * thickness, MATERIALS[wishes["material"]])
     bare_m = pi / sqrt(target_hz / thin_plate_hz(Strip(MM * length, MM * length, stack), 1.0))

@@ -255,7 +255,7 @@ class Explorer:
             stepped = {
                 name: float(f"{round(values[name] / limit.step) * limit.step:.9g}") for name, limit in limits.items()
             }
-            if not box.faults((MM * stepped["thickness"], *(MM * stepped[name] for name in NAMES[1:]))):
+            if not box.faults(np.array([MM * stepped[name] for name in NAMES])):
                 designs.append(stepped)
         return designs
 

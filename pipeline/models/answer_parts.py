@@ -103,6 +103,9 @@ class RivalRecord(Part):
     strength_error: float | None = column(BAR.format("strength"), default=None)
 
 
+ALONG: tuple[Literal["free-free", "pinned-free", "sine"], ...] = ("free-free", "pinned-free", "sine")  # by held ends
+
+
 class TargetRecord(Part):
     """Verdict on the target mode: status is single, split or none; if none, frequency and levels are None.
 
@@ -121,8 +124,10 @@ class TargetRecord(Part):
     confinement_db: float | None = column(CONFINEMENT, "dB", error="confinement_error_db")
     zone_share: float | None = column(SHARE, error="zone_share_error", default=None)
     symmetry: str | None = column("symmetry class of the target mode", default=None)
-    shape: Literal["free-free"] = column(
-        "target shape along x: both ends of the zone are free ends of the plate", default="free-free"
+    shape: Literal["free-free", "pinned-free", "sine"] = column(
+        "target shape along x: free-free where both ends of the zone are free ends of the plate, sine where the plate goes on "
+        "beyond both, pinned-free where it goes on beyond one",
+        default="free-free",
     )
     driven_confinement_db: float | None = column(
         "always None: `response` gives it at its target_peak", "dB", default=None

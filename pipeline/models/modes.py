@@ -18,7 +18,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import own_frequency, parts
-from pipeline.models.answer_parts import CountRecord, TargetRecord, ZoneTarget
+from pipeline.models.answer_parts import ALONG, CountRecord, TargetRecord, ZoneTarget
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
 from pipeline.models.target import (
     ModeRow,
@@ -912,8 +912,9 @@ def _of_zone(case: Case, solved: PartModes, number: int) -> ZoneTarget:
     record = _with_level_bars(case, seen).target_part()
     assert record is not None
     return ZoneTarget(
-        zone=number, centre_m=case.design.centre_m, target=replace(record, index=solved.index(seen.target_row))
-    )
+        zone=number, centre_m=case.design.centre_m,
+        target=replace(record, index=solved.index(seen.target_row), shape=ALONG[case.design.held_ends]),
+    )  # fmt: skip
 
 
 def target_lines(part_modes: PartModes, design: Design) -> list[str]:

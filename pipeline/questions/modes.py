@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, OUTLINE, PLACES, STRESS, SUPPORTS, ZONES
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
-from pipeline.models.answer_parts import CountRecord, ModeRecord, TargetMode, TargetRecord, ZoneTarget
+from pipeline.models.answer_parts import ALONG, CountRecord, ModeRecord, TargetMode, TargetRecord, ZoneTarget
 from pipeline.quantity import (
     HZ,
     KHZ,
@@ -156,15 +156,16 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             ModeRecord.of(row, surface=partial(closed_surface, solved, case, place))
             for place, row in enumerate(solved.rows)
         ]
-        bar, row, loose = None, solved.target_row, free.target_part() if free else None
+        bar, row, shape = None, solved.target_row, ALONG[case.design.held_ends if solved.part == "plate" else 0]
+        own, loose = solved.target_part(), free.target_part() if free else None
         if row and solved.errors is not None:
             bar = {"frequency": row.error, "confinement_db": row.confinement_error_db}
         return cls(
             model=solved.model.name, part=solved.part, dof=solved.dof, rigid_count=solved.rigid_count, modes=modes,
-            count_check=solved.count_check, target=solved.target_part(), reduction_error=solved.reduction_error,
+            count_check=solved.count_check, target=own and replace(own, shape=shape), reduction_error=solved.reduction_error,
             expected_error=solved.expected_error, error_bar=bar,
             widest_bar=widest_bar(solved.rows).to_dict(), solved=solved, case=case,
-            without_supports=loose and replace(loose, index=None), other_zones=of_other_zones(case, solved),
+            without_supports=loose and replace(loose, index=None, shape=shape), other_zones=of_other_zones(case, solved),
         )  # fmt: skip
 
     # -- a sequence of modes

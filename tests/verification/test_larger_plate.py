@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from math import pi
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from geometry.tet.scenes import tet_panel
 from geometry.tiling import tile
 from pipeline.case.model import Case, case_from_dict, parsed
 from pipeline.case.reading import apply_overrides
+from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models import modes
@@ -287,3 +290,23 @@ def test_the_plate_without_its_foam_follows_from_that_on_it(edge: str, monkeypat
     assert below == pytest.approx(
         [r.frequency_hz for r in again.rows if r.frequency_hz < followed.count.high_hz], rel=1e-4
     )
+
+
+@pytest.mark.slow
+def test_the_answer_names_the_target_shape_along_x(tmp_path: Path) -> None:
+    """sin((N + 1) pi (x + L/2)/L) where the plate goes on beyond both ends, in the plate's record; the zone's own is free."""
+    file, out = tmp_path / "larger.toml", tmp_path / "modes.json"
+    file.write_text(
+        """
+        name = "larger"
+        material = "aluminium"
+        plate = { length_mm = 40.0, width_mm = 30.0, thickness_mm = 2.0 }
+        zone = { length_mm = 16.0, width_mm = 12.0, centre_mm = [2.0, 1.0], nodal_lines = 1 }
+        pillar = { side_mm = 2.0, height_mm = 6.0 }
+        array = { pitch_mm = 4.0, rows = 1, surround = true }
+        solve = { accuracy = 0.05 }
+        """
+    )
+    for part, shape in (("plate", "sine"), ("zone", "free-free")):
+        assert main(["modes", str(file), "--part", part, "--json", str(out), "--quiet"]) == 0
+        assert json.loads(out.read_text())["target"]["shape"] == shape

@@ -83,6 +83,7 @@ def test_pillars_of_glass_are_doubted_and_those_of_a_resin_are_sized_for_it(
         (["--target", "32MHz", "--half-wavelength", "15"], "--target = 32MHz: must be from 26."),
         (["--target", "32MHz"], "with 30 nodal lines"),  # no half-wavelength below two thicknesses
         (["--length", "0"], "--length = 0: must be from"),
+        (["--thickness", "nan"], "--thickness = nan: must be from"),
         (["--half-wavelength", "0.01"], "--half-wavelength = 0.01: must be at least"),
         (["--half-wavelength", "1", "--target", "5MHz"], "--half-wavelength = 1.0: gives zone.nodal_lines"),
         (["--thickness", "-1"], "--thickness = -1: must be from"),
