@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.bands import SolvedBands, bands_of_cell
 from pipeline.models.unit_cell import lattice_model, reduced_cell
-from pipeline.planning.model_choice import ModelChoice
+from pipeline.planning.model_choice import ModelChoice, in_vectors
 from solvers.accuracy.reduction import ModeErrors, waves_of
 from solvers.superelement.lattice import Periodic
 
@@ -50,6 +50,23 @@ def repeated(lattice: Lattice, size: tuple[int, int]) -> Lattice:
     return Lattice((n * ax, n * ay), (m * bx, m * by))
 
 
+def in_one_cell(case: Case) -> Case:
+    """Return the case with its cell along the vectors of its lattice: panels of shifted rows cannot be repeated alone.
+
+    Parameters
+    ----------
+    case : Case
+        Any case.
+
+    Returns
+    -------
+    Case
+        The case itself without shifted rows.
+    """
+    (x1, y1), (x2, y2) = case.design.lattice.vectors_m.tolist()
+    return in_vectors(case, ((x1, y1), (x2, y2))) if case.design.stagger else case
+
+
 def check_places(case: Case, size: tuple[int, int]) -> None:
     """Raise InputError for a defect outside the supercell."""
     for number, each in enumerate(case.defects):
@@ -78,6 +95,7 @@ def solve_supercell_bands(case: Case, choice: ModelChoice, size: tuple[int, int]
     SolvedBands
         Along the path of `[bands]`, or else along the border of the supercell's zone.
     """
+    case = in_one_cell(case)
     cell, lattice = supercell(case, choice, size, log), repeated(case.design.lattice, size)
     path = case.path(case.bands.points, lattice, None if "bands.path" in case.given else lattice.default_path)
     return bands_of_cell(case, cell, cell.name, lattice, path, log)

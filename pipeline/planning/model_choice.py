@@ -250,11 +250,33 @@ def by_vectors(case: Case) -> Case:
     Case
         The case itself unless its rows are shifted and its pillars too wide for such panels.
     """
+    return in_vectors(case, shortest_vectors(*case.design.lattice.vectors_m)) if _is_in_one_cell(case) else case
+
+
+def in_vectors(case: Case, vectors: tuple[tuple[float, float], tuple[float, float]]) -> Case:
+    """Return the case with another cell of its lattice.
+
+    Parameters
+    ----------
+    case : Case
+        Any case.
+    vectors : tuple of tuple
+        Vectors (x, y) along the sides of the cell in m.
+
+    Returns
+    -------
+    Case
+        With the same lattice.
+    """
+    return replace(case, design=replace(case.design, stagger=False, oblique_m=vectors))
+
+
+def _is_in_one_cell(case: Case) -> bool:
+    """Whether rows are shifted, and one cell holds the pillar that panels half a pitch wide cannot hold."""
     design, pillar = case.design, case.design.pillar
-    if not design.stagger or pillar is None or case.solve.model == SOLID or not _is_too_wide(design):
-        return case
-    vectors = shortest_vectors(*design.lattice.vectors_m.tolist())
-    return replace(case, design=replace(design, stagger=False, oblique_m=vectors)) if fits(vectors, pillar) else case
+    if not design.stagger or case.solve.model == SOLID:
+        return False
+    return bool(pillar and _is_too_wide(design) and fits(shortest_vectors(*design.lattice.vectors_m), pillar))
 
 
 def _is_too_wide(design: Design) -> bool:
@@ -293,7 +315,7 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
         what = "needs pillars that hexahedra can follow, with room around their feet, and solve.mesh auto or hex"
         raise InputError(f"{case.source or case.name}: {_shifted(case)}: {what}")
     if design.oblique_m and (not no_cad or case.solve.model == SOLID):
-        what = "a cell along the lattice's two shortest vectors needs a pillar that hexahedra can follow, within its sides,"
+        what = "a cell along two vectors of the lattice needs a pillar that hexahedra can follow, within its sides,"
         what += " solve.mesh auto or hex, and solve.model auto or superelement; --mesh-file takes any cell"
         raise InputError(f"{case.source or case.name}: array.a2_mm: {what}")
     taken = (simplifications.no_pillars(design, "cell"), no_cad)

@@ -438,11 +438,18 @@ class Bands(
     def spared(cls, case: Case) -> Simplification | None:
         return simplifications.no_lattice(case.design, "bands")
 
+    @staticmethod
+    def of_one_cell(case: Case) -> Case:
+        """Return the case with the cell that is reduced."""
+        from pipeline.planning.model_choice import by_vectors
+
+        return by_vectors(case)
+
     def plan(self, case: Case) -> Plan:
         from pipeline.planning.mesh_rules import refinement_of
-        from pipeline.planning.model_choice import SOLID, by_vectors, cell_model_choice
+        from pipeline.planning.model_choice import SOLID, cell_model_choice
 
-        case = by_vectors(case)
+        case = self.of_one_cell(case)
         choice, query = cell_model_choice(case), case.bands
         wavevectors = query.segments * query.points + 1
         looks = f"{query.count} bands at {wavevectors} wavevectors of {query.path}"
@@ -460,18 +467,20 @@ class Bands(
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
         from pipeline.models.bands import solve_bands
-        from pipeline.planning.model_choice import by_vectors
 
         choice = plan.steps[0].choice
         assert choice
-        solved = solve_bands(by_vectors(case), choice, run, shapes=run.shapes, every_gap=run.detailed)
+        solved = solve_bands(self.of_one_cell(case), choice, run, shapes=run.shapes, every_gap=run.detailed)
         run.meshes += solved.meshes
         run.arrays |= solved.shapes
         run.solved["lattice"] = solved.lattice
         return BandsResult.of_solved(solved)
 
 
-class SupercellBands(Bands, Question[BandsResult], instead_of="bands", by="supercell", honours=(*OF_A_PLATE, DEFECTS)):
+class SupercellBands(
+    Bands, Question[BandsResult], instead_of="bands", by="supercell",
+    honours=(*OF_A_PLATE, DEFECTS, OBLIQUE),
+):  # fmt: skip
     """Compute Bloch bands and gaps of a supercell of the case's own cells, some of them changed by `[[defect]]`.
 
     >>> import antinode
@@ -500,6 +509,13 @@ class SupercellBands(Bands, Question[BandsResult], instead_of="bands", by="super
 
         super().check(case)
         check_places(case, self.size)
+
+    @staticmethod
+    def of_one_cell(case: Case) -> Case:
+        """Return the case with a cell along the vectors of its lattice."""
+        from pipeline.models.supercell import in_one_cell
+
+        return in_one_cell(case)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
         from pipeline.models.supercell import solve_supercell_bands

@@ -14,6 +14,9 @@ from geometry.mesh import Mesh
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.models.supercell import in_one_cell, supercell
+from pipeline.models.unit_cell import lattice_model
+from pipeline.planning.model_choice import cell_model_choice
 from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands, BandsResult, MeshBands, SupercellBands
 from pipeline.questions.question import Run, ask
@@ -64,6 +67,45 @@ def test_bands_of_a_supercell_are_those_of_its_cell_folded(size: str) -> None:
             assert point.frequencies_hz[:known] == pytest.approx(expected[:known], rel=SAME, abs=STILL_HZ)
             compared += known
     assert compared >= (16 if size == "2x2" else 32)  # at ky or kx of the supercell's border, too
+
+
+LATTICES: dict[str, dict[str, Any]] = {
+    "triangular": {"pitch_mm": 5.0, "lattice": "triangular", "rows": 1},
+    "oblique": {"a1_mm": [5.0, 0.0], "a2_mm": [1.2, 4.0], "rows": 1},
+}
+QUICK: dict[str, Any] = {"bands": {"points": 1, "count": 6}, "solve": {"accuracy": 0.05}}
+
+
+@pytest.mark.parametrize("kind", LATTICES)
+def test_the_cell_that_is_repeated_is_one_of_the_lattice(kind: str) -> None:
+    design, own = (each.design for each in (case(array=LATTICES[kind]), in_one_cell(case(array=LATTICES[kind]))))
+    assert own.oblique_m == (design.lattice.a1_m, design.lattice.a2_m) and not own.stagger
+    assert in_one_cell(case()).design == case().design  # rows in line have a rectangle
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(2, 1), (1, 2)])
+@pytest.mark.parametrize("kind", LATTICES)
+def test_a_supercell_of_any_lattice_has_the_folded_bands(kind: str, size: tuple[int, int]) -> None:
+    """At general wavevectors."""
+    scene = in_one_cell(case(array=LATTICES[kind], **QUICK))
+    choice = cell_model_choice(scene)
+    one = lattice_model(scene, choice, scene.path(1).corners, LOG, []).lattice
+    joined, half = supercell(scene, choice, size, LOG), scene.design.lattice.reciprocal_per_m[size.index(2)] / 2.0
+    for k in (np.array([130.0, 310.0]), np.array([-420.0, 95.0])):
+        folded = np.sort(np.concatenate([one.frequencies(each, 8) for each in (k, k + half)]))[:8]
+        assert joined.frequencies(k, 8) == pytest.approx(folded, rel=SAME)
+
+
+@pytest.mark.slow
+def test_shifted_rows_are_one_lattice_to_supercell_and_bands() -> None:
+    """Two panels half a pitch wide against one parallelogram, at K, where rows in line have other waves."""
+    scene = case(array=LATTICES["triangular"], **QUICK | {"bands": {"points": 1, "count": 4, "path": "MK"}})
+    panels, cell = bands_of(scene, LOG), bands(scene, "1x1")
+    assert cell.labels == panels.labels == ("M", "K") and cell.dof < 0.6 * panels.dof
+    for one, two in zip(cell.points, panels.points, strict=True):
+        for hz, bar, other, its in zip(one.frequencies_hz, one.error, two.frequencies_hz, two.error, strict=True):
+            assert bar is not None and its is not None and bar < 0.05 and abs(hz / other - 1.0) <= bar + its
 
 
 def three(finer: int) -> Mesh:
