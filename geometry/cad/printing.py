@@ -15,7 +15,7 @@ import numpy as np
 from geometry.cad.solids import Body, CadSurface, cad_surface
 from geometry.errors import GeometryError
 from geometry.files import silence_kernel, written_whole
-from geometry.layout import Design
+from geometry.layout import Design, region_materials
 
 # -- files -------------------------------------------------------------------------------------------------------------
 # A body for a printer or a CAD system: binary STL, 3MF and STEP in millimetres, plate down (z = 0 on the build plate).
@@ -231,7 +231,7 @@ ON_BUILD_PLATE = 1e-6  # of the height
 
 @dataclass(frozen=True)
 class PrintReport:
-    """Measurements of an STL file printed with z up, in SI units.
+    """Measurements of an STL or 3MF file printed with z up, in SI units.
 
     Attributes
     ----------
@@ -239,6 +239,8 @@ class PrintReport:
         Whether the surface is closed and consistently oriented.
     bodies : int
         Number of separate bodies.
+    solids : int
+        Number of solids of the CAD body; of several materials each part counts.
     volume_m3, cad_volume_m3 : float
         Volumes of the file and of the CAD solid, in m^3.
     features : dict of float
@@ -250,11 +252,12 @@ class PrintReport:
     extent_m : tuple of float
         Sides of the bounding box.
     mass_kg : float
-        Mass of the volume in the plate's material.
+        Mass of the volume in the materials of its parts.
     """
 
     watertight: bool
     bodies: int
+    solids: int
     volume_m3: float
     cad_volume_m3: float
     features: dict[str, float]
@@ -280,8 +283,8 @@ class PrintReport:
         violations = []
         if not self.watertight:
             violations.append("the surface is not closed")
-        if self.bodies != 1:
-            violations.append(f"{self.bodies} separate bodies, must be 1")
+        if self.bodies != self.solids:
+            violations.append(f"{self.bodies} separate bodies, must be {self.solids}")
         if not abs(self.volume_error) <= VOLUME_TOLERANCE:
             violations.append(
                 f"volume is {self.volume_error:+.2%} off the CAD solid's, allowed is {VOLUME_TOLERANCE:.1%}"
@@ -289,13 +292,13 @@ class PrintReport:
         return violations
 
 
-def check_print(stl: str | os.PathLike[str], body: Body, design: Design) -> PrintReport:
-    """Read an STL file back and compare it with its CAD body.
+def check_print(path: str | os.PathLike[str], body: Body, design: Design) -> PrintReport:
+    """Read an STL or 3MF file back and compare it with its CAD body.
 
     Parameters
     ----------
-    stl : str or Path
-        File in mm, z up.
+    path : str or Path
+        File in mm, z up; 3MF where several materials are bonded.
     body : Body
         CAD body from which the file was written.
     design : Design
@@ -313,26 +316,38 @@ def check_print(stl: str | os.PathLike[str], body: Body, design: Design) -> Prin
     """
     import trimesh
 
+    kind = "3mf" if body.bonded else "stl"
     try:
-        mesh = trimesh.load_mesh(Path(stl), file_type="stl")
+        parts = list(trimesh.load_scene(Path(path), file_type=kind).geometry.values())
     except Exception as fault:  # trimesh raises whatever its readers meet
-        raise GeometryError(f"{Path(stl)}: not a readable STL file") from fault
-    if not len(mesh.faces):
-        raise GeometryError(f"{Path(stl)}: holds no triangle")
-    angle, area = overhang(np.asarray(mesh.triangles))
-    x, y, z = (float(side) / MM for side in mesh.extents)
-    volume = float(mesh.volume) / MM**3
+        raise GeometryError(f"{Path(path)}: not a readable {kind.upper()} file") from fault
+    if not any(len(mesh.faces) for mesh in parts):
+        raise GeometryError(f"{Path(path)}: holds no triangle")
+    triangles = np.concatenate([mesh.triangles for mesh in parts])
+    angle, area = overhang(triangles)
+    x, y, z = (float(side) / MM for side in np.ptp(triangles.reshape(-1, 3), axis=0))
+    volume = sum(float(mesh.volume) for mesh in parts) / MM**3
     return PrintReport(
-        watertight=bool(mesh.is_watertight and mesh.is_winding_consistent),
-        bodies=int(mesh.body_count),
+        watertight=all(mesh.is_watertight and mesh.is_winding_consistent for mesh in parts),
+        bodies=sum(int(mesh.body_count) for mesh in parts),
+        solids=len(body.solids()) if body.bonded else 1,
         volume_m3=volume,
         cad_volume_m3=body.volume_m3,
         features=features(design),
         overhang_deg=angle,
         overhang_area_m2=area / MM**2,
         extent_m=(x, y, z),
-        mass_kg=volume * design.stack.material.density_kg_m3,
+        mass_kg=volume * _density_kg_m3(body, design),
     )
+
+
+def _density_kg_m3(body: Body, design: Design) -> float:
+    """Mean density of a body, by the volumes of its parts."""
+    known = region_materials(design.stack, design.pillar)
+    if not body.bonded:
+        return design.stack.material.density_kg_m3
+    volumes = [(known[region].density_kg_m3, float(solid.Volume())) for region, solid in body.solids()]
+    return sum(density * volume for density, volume in volumes) / sum(volume for _, volume in volumes)
 
 
 def features(design: Design) -> dict[str, float]:

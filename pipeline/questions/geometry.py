@@ -39,7 +39,7 @@ class GeometryResult(Result, axes=()):
     def lines(self) -> Iterator[str]:
         """Yield the check of the print file."""
         yield (
-            f"print file: closed {self.watertight}, {self.bodies} body, "
+            f"print file: closed {self.watertight}, {self.bodies} {'body' if self.bodies == 1 else 'bodies'}, "
             f"volume {signed(percentage(self.volume_error))} of the solid's, mass {figure(self.mass_kg / GRAM)} g, "
             f"smallest feature {self.smallest_feature} {self.smallest_feature_m / MM:g} mm, "
             f"overhang {figure(self.overhang_deg or 0.0)} degrees"
@@ -52,27 +52,27 @@ class Geometry(Question[GeometryResult], in_studies_only=True, honours=OF_A_PLAT
     step = ("print and CAD files", "CAD solids; STL read back")
 
     def compute(self, case: Case, plan: Plan, run: Run) -> GeometryResult:
-        """Write STL, STEP and 3MF into the case's folder and read the STL back."""
+        """Write STL, STEP and 3MF into the case's folder and read the STL back; of several materials the 3MF, without STL."""
         from geometry.cad import printing, solids
 
         assert run.folder
         with run.step("build the solid"):
             body = solids.plate_solid(case.design)
-        with run.step("write STL, STEP, 3MF"):
-            printing.write_stl(body, run.folder / "plate_mm.stl", case.name)
+        files = ("plate.step", "plate.3mf") if body.bonded else ("plate_mm.stl", "plate.step", "plate.3mf")
+        with run.step("write STEP, 3MF" if body.bonded else "write STL, STEP, 3MF"):
+            if not body.bonded:
+                printing.write_stl(body, run.folder / "plate_mm.stl", case.name)
             printing.write_step(body, run.folder / "plate.step", case.name, material_names(case.design))
             printing.write_3mf(body, run.folder / "plate.3mf", about(case), material_names(case.design))
         with run.step("check the print file"):
-            return checked(
-                case, body, run.folder / "plate_mm.stl", run.log, ("plate_mm.stl", "plate.step", "plate.3mf")
-            )
+            return checked(case, body, run.folder / files[-1 if body.bonded else 0], run.log, files)
 
 
-def checked(case: Case, body: Any, stl: Path, log: Log, files: tuple[str, ...]) -> GeometryResult:
+def checked(case: Case, body: Any, file: Path, log: Log, files: tuple[str, ...]) -> GeometryResult:
     """Check the print file of a solid, and log the findings and faults."""
     from geometry.cad.printing import check_print
 
-    found = check_print(stl, body, case.design)
+    found = check_print(file, body, case.design)
     feature, size_m = found.smallest_feature
     result = GeometryResult.of(
         found, files=files, smallest_feature=feature, smallest_feature_m=size_m, overhang=found.overhang_area_m2

@@ -192,6 +192,19 @@ def test_bonded_materials_stay_separate_parts_of_a_step_file(tmp_path):
     assert re.sub(placed, r"\1", one) == re.sub(placed, r"\1", two)
 
 
+def test_the_print_file_of_several_materials_is_checked_part_by_part(tmp_path):
+    scene = bonded()
+    body, path, count = plate_solid(scene), tmp_path / "plate.3mf", len(scene.pillar_centres())
+    write_3mf(body, path, {"Title": "plate"}, NAMES)
+    found = check_print(path, body, scene)
+    assert found.watertight and found.bodies == found.solids == 1 + 2 * count and not found.faults
+    brass, tips = count * 2e-3**2 * 3e-3, count * pi * 0.75e-3**2 * 1e-3
+    plate = body.volume_m3 - brass - tips
+    exact = plate * ALUMINIUM.density_kg_m3 + brass * BRASS.density_kg_m3 + tips * ALUMINIUM.density_kg_m3
+    assert found.mass_kg == pytest.approx(exact, rel=1e-3)  # facets of the round tips
+    assert replace(found, bodies=count).faults == [f"{count} separate bodies, must be {1 + 2 * count}"]
+
+
 def test_a_3mf_of_several_materials_has_an_object_of_each(tmp_path):
     from zipfile import ZipFile
 
