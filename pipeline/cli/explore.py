@@ -48,11 +48,11 @@ def explorer_of(case: Case, raw: dict[str, Any], overrides: tuple[str, ...], log
     case.require_plate("explore")
     case.require("pillar", "zone", command="explore")
     from pipeline.explore.answer import Explorer, Scene
-    from pipeline.models.parametric import cell_model
+    from pipeline.models.parametric import cell_model, laid_about
 
     scene = Scene(case, raw, overrides)
     scene.check()
-    return Explorer(scene, cell_model(case, log))
+    return Explorer(scene, cell_model(case, log, laid_about(case)))
 
 
 def export(explorer: Explorer, path: Path, log: Log) -> None:

@@ -224,7 +224,7 @@ class CellModel:
 
 
 def require_box(case: Case, box: DesignBox | None = None) -> DesignBox:
-    """The box of designs with the pillar's section and the rows' lattice, laid about the case and as wide as pillars fit it.
+    """The box of designs with the pillar's section and the rows' lattice, as wide as pillars fit it.
 
     InputError, a line each, for a case whose cell the model cannot follow.
     """
@@ -244,7 +244,7 @@ def require_box(case: Case, box: DesignBox | None = None) -> DesignBox:
         raise InputError(said)
     case.require_one_kind("explore is")
     case.one_quality_factor("explore")
-    box = replace((box or DesignBox()).about(sizes_of(design)), foot=foot, lattice=lattice_of(design))
+    box = replace(box or DesignBox(), foot=foot, lattice=lattice_of(design))
     widest = (box.narrow * box.high[PITCH] - 2.0 * box.clearance_m) / foot.widest
     thickness, height, side, pitch = box.high
     return replace(box, high=(thickness, height, min(side, widest), pitch))
@@ -255,6 +255,12 @@ def _for_case(offline: Offline, case: Case) -> Offline:
     box = require_box(case, offline.box)
     mesh = replace(offline.mesh, layers=min(offline.mesh.layers, 1)) if box.foot.arm < 1.0 else offline.mesh
     return replace(offline, box=box, mesh=mesh)
+
+
+def laid_about(case: Case, offline: Offline | None = None) -> Offline:
+    """What bases of a box laid about a case's own design are made from; a study's cases share the usual box instead."""
+    offline = offline or Offline()
+    return replace(offline, box=offline.box.about(sizes_of(case.design))) if case.design.pillar else offline
 
 
 def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellModel:

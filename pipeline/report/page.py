@@ -94,7 +94,7 @@ def put_explorer(folder: Path, case_path: Path, log: Log | None = None) -> list[
     """
     from pipeline.explore import offline
     from pipeline.explore.answer import Explorer, Scene
-    from pipeline.models.parametric import cell_model, kept_model
+    from pipeline.models.parametric import cell_model, kept_model, laid_about
 
     try:
         raw = read_toml(case_path)
@@ -102,7 +102,8 @@ def put_explorer(folder: Path, case_path: Path, log: Log | None = None) -> list[
         case.require("pillar", "zone", command="explore")
         scene = Scene(case, raw, ())
         scene.check()
-        model = cell_model(case, log) if log else kept_model(case)
+        about = laid_about(case)
+        model = cell_model(case, log, about) if log else kept_model(case, about)
         if model is None:
             return []
         html = offline.page(Explorer(scene, model))

@@ -57,7 +57,7 @@ def small_explorer(folder: Path, *settings: str, path: Path = SMALL, offline: Of
     case = case_from_dict(raw, path, list(settings))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cell_model, "CellModelCache", lambda: CellModelCache(_made(settings)))
-        model = cell_model.cell_model(case, WarningLog(), offline)
+        model = cell_model.cell_model(case, WarningLog(), cell_model.laid_about(case, offline))
     shutil.copytree(_made(settings), folder, dirs_exist_ok=True)
     return Explorer(Scene(case, raw, settings), replace(model, mesh=replace(MESH, box=model.cell.box)))
 

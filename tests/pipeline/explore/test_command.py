@@ -47,7 +47,7 @@ def test_a_port_that_is_none_is_refused(port: str, capsys: pytest.CaptureFixture
 @pytest.mark.slow
 def test_the_page_is_exported_as_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = small_explorer(tmp_path).model
-    monkeypatch.setattr(cell_model, "cell_model", lambda case, log: model)
+    monkeypatch.setattr(cell_model, "cell_model", lambda case, log, offline: model)
     place = tmp_path / "explorer.html"
     assert main(["explore", str(SMALL), "--export", str(place), "--quiet"]) == 0
     html = place.read_text(encoding="utf-8")
@@ -59,7 +59,7 @@ def test_the_page_is_exported_as_one_file(tmp_path: Path, monkeypatch: pytest.Mo
 def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cell_model, "cell_model", lambda case, log: pytest.fail("computed"))
+    monkeypatch.setattr(cell_model, "cell_model", lambda case, log, offline: pytest.fail("computed"))
     assert main(["explore", str(SMALL), "--export", str(tmp_path / "none" / "explorer.html")]) == 2
     assert "--export" in capsys.readouterr().err
 
@@ -78,7 +78,7 @@ def test_the_sliders_are_laid_about_a_thin_plate() -> None:
 def test_a_case_outside_the_sliders_is_refused_before_anything_is_computed(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cell_model, "cell_model", lambda case, log: pytest.fail("computed"))
+    monkeypatch.setattr(cell_model, "cell_model", lambda case, log, offline: pytest.fail("computed"))
     assert main(["explore", str(SMALL), "--set", "array.rows=9", "--no-browser", "--quiet"]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert "explore: array.rows = 9: must be from 0 to 8" in line

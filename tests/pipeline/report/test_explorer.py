@@ -43,7 +43,7 @@ def test_bases_are_made_where_they_are_asked_for(tmp_path: Path, monkeypatch: py
 
     model, modelled_cases = small_explorer(tmp_path).model, []
     monkeypatch.setattr(cell_model, "kept_model", lambda case: None)
-    monkeypatch.setattr(cell_model, "cell_model", lambda case, log: modelled_cases.append(case) or model)
+    monkeypatch.setattr(cell_model, "cell_model", lambda case, log, offline: modelled_cases.append(case) or model)
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
     study = StudyFile("rows", tmp_path / "rows.toml", SMALL, (), {}, False)
     built = [folder / page.NAME, folder / "report.html"]
