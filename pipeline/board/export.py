@@ -22,6 +22,8 @@ import numpy as np
 
 from firmware.mode_table import (
     CHANNELS,
+    FREQUENCY_HIGH,
+    FREQUENCY_LOW_HZ,
     GAIN,
     RATE_HZ,
     Mode,
@@ -174,7 +176,10 @@ def _weights(values: np.ndarray) -> tuple[complex, ...]:
 
 
 def _nearest(frequencies_hz: list[float], target: int) -> list[int]:
-    by_distance = sorted(range(len(frequencies_hz)), key=lambda i: abs(frequencies_hz[i] - frequencies_hz[target]))
+    """Target mode and the nearest of the others that the firmware can play, ascending."""
+    low, high = FREQUENCY_LOW_HZ, FREQUENCY_HIGH * SAMPLE_RATE_HZ
+    played = [i for i, hz in enumerate(frequencies_hz) if i == target or low <= hz <= high]
+    by_distance = sorted(played, key=lambda i: abs(frequencies_hz[i] - frequencies_hz[target]))
     return sorted(by_distance[: NEIGHBOURS + 1])
 
 

@@ -66,6 +66,8 @@ class Board(Question[BoardResult], in_studies_only=True, after="modes", pictures
         assert run.folder
         if not run.target:
             raise Unanswered(NAME, "no mode has the target shape, so there is no mode table")
+        if not (run.folder / TABLE).exists():
+            raise Unanswered(NAME, "the firmware cannot play the target mode, so there is no mode table")
         try:
             with run.step(NAME):
                 played = board_run((run.folder / TABLE).read_bytes())

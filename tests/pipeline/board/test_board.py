@@ -13,9 +13,11 @@ from firmware.build import BuildError, toolchain
 from firmware.mode_table import Mode, ModeTable, from_bytes, to_bytes
 from pipeline.batch import case_study
 from pipeline.batch.study_file import load_study
+from pipeline.board.export import table_of
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.logs import RunLog
+from pipeline.paths import ROOT
 from pipeline.questions import board
 from pipeline.questions.board import Board, BoardResult
 from pipeline.questions.question import Run, Unanswered, ask
@@ -34,8 +36,20 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def study(folder: Path, measure: str):
-    (folder / "small.toml").write_text(CASE)
+PLAYED = """
+name = "played"
+material = "aluminium"
+plate = { thickness_mm = 2.0 }
+zone = { length_mm = 40.0, width_mm = 20.0, nodal_lines = 3 }
+pillar = { side_mm = 2.0, height_mm = 6.3 }
+array = { pitch_mm = 4.0, rows = 1, extension_mm = 12.0 }
+patches = { material = "pz26", size_mm = [8.0, 3.0, 0.3], sensors = [2] }
+solve = { band_kHz = [30.0, 40.0], accuracy = 0.05 }
+"""
+
+
+def study(folder: Path, measure: str, text: str = CASE):
+    (folder / "small.toml").write_text(text)
     (folder / "one.toml").write_text(f'[study]\nname = "one"\ncase = "small.toml"\nmeasure = {measure}\n')
     return load_study(folder / "one.toml")
 
@@ -99,6 +113,20 @@ def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, mon
         played(folder, text)
 
 
+def test_neighbours_that_the_firmware_cannot_play_are_left_out_of_the_table() -> None:
+    """A target mode that it cannot play stays, to be refused by name."""
+    case = load_case(ROOT / "examples" / "small.toml")
+    table = table_of(case, [10.0, 30e3, 40e3, 99e3, 102e3], [300.0] * 5, 1)
+    assert [mode.frequency_hz for mode in table.modes] == [30e3, 40e3, 99e3] and table.target == 0
+    assert table_of(case, [30e3, 102e3], [300.0] * 2, 1).modes[1].frequency_hz == 102e3
+
+
+def test_a_case_without_a_mode_table_is_left_out_by_name(folder: Path) -> None:
+    (folder / board.TABLE).unlink()
+    with pytest.raises(Unanswered, match="firmware cannot play the target mode"):
+        played(folder, RecordingLog())
+
+
 def test_the_board_needs_the_modes_and_depends_on_the_firmware(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="add modes to measure"):
         case_study.jobs_of(study(tmp_path, '["bands", "board"]'))
@@ -116,7 +144,7 @@ def test_a_case_with_patches_is_played_with_its_computed_gain(tmp_path: Path) ->
         toolchain()
     except BuildError as missing:
         pytest.skip(str(missing))
-    one = study(tmp_path, '["modes", "response", "board"]')
+    one = study(tmp_path, '["modes", "response", "board"]', PLAYED)  # its target mode lies at 34 kHz
     job = case_study.jobs_of(one)[0]
     with RunLog(tmp_path / "run.mess") as log:
         record = case_study.compute(str(one.case_path), job.payload, tmp_path, log)

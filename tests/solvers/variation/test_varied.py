@@ -205,7 +205,7 @@ def test_only_what_was_reached_is_interpolated(middle: CellFamily) -> None:
     with pytest.raises(SolverError, match="interpolation reaches"):
         middle.at(np.array([0.16e-3, 0.0, 0.0, 0.0, 0]))
     narrow = _cell_family(SETTING, MIDDLE, np.array([0.1e-3, 0.0, 0.0, 0.0, 0]))
-    assert narrow.nodes == ((-1, 0, 0, 0), (1, 0, 0, 0))
+    assert narrow.nodes == ((-1, 0, 0, 0, 0), (1, 0, 0, 0, 0))
     with pytest.raises(SolverError, match="interpolation reaches"):
         narrow.at(np.array([0.0, 0.01e-3, 0.0, 0.0, 0]))
 
