@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.layout import ROUNDING, Design
+from geometry.layout import PLACES, ROUNDING, Design
 from pipeline.case.schema import Tables
 from pipeline.quantity import MM
 
@@ -52,13 +52,13 @@ def _apart(first: Named, other: Named) -> str:
     if (away < size * (1.0 - ROUNDING)).all():
         least = f"{size[0] / MM:g} mm apart along x or {size[1] / MM:g} mm along y"
         return f"zones {number} and {second} overlap: must be at least {least}"
-    feet = [_feet(view) for view in (one, two)]
-    for (free, view), (name, standing) in ((first, other), (other, first)):
-        reach = np.abs(_feet(standing) - view.centre_m) - (size + standing.footprint_m) / 2.0
+    feet = [view.lone.pillar_centres() for view in (one, two)]
+    for (free, view), (name, standing), own in ((first, other, feet[1]), (other, first, feet[0])):
+        reach = np.abs(own - view.centre_m) - (size + standing.footprint_m) / 2.0
         if (reach < -SAME_M).all(axis=1).any():
             return f"pillars of zone {name} would stand on zone {free}: must leave it free"
     for axis, lines, pitch in ((0, "columns", one.pitch_x_m), (1, "rows", one.pitch_y_m)):
-        own, theirs = (np.unique(each[:, axis].round(12)) for each in feet)
+        own, theirs = (np.unique(each[:, axis].round(PLACES)) for each in feet)
         if np.isfinite(near := _nearest(own, theirs, pitch)):
             x, shifts = "xy"[axis], _shifts(own, theirs, pitch)
             places = " or ".join(f"{x} = {(two.centre_m[axis] + shift) / MM:g}" for shift in shifts)
@@ -67,12 +67,6 @@ def _apart(first: Named, other: Named) -> str:
                 f"{pitch / MM:g} mm, the pitch, apart, as with zone {second} at {places}"
             )
     return ""
-
-
-def _feet(view: Design) -> FloatArray:
-    """Centres (n, 2) of the pillars of the zone in the middle of a view."""
-    lines = view.lone.lines_of_feet()
-    return np.concatenate([np.empty((0, 2)), *(np.column_stack([x, np.full(len(x), y)]) for y, x in lines)])
 
 
 def _nearest(own: FloatArray, theirs: FloatArray, pitch: float) -> float:
@@ -84,7 +78,7 @@ def _nearest(own: FloatArray, theirs: FloatArray, pitch: float) -> float:
 
 def _shifts(own: FloatArray, theirs: FloatArray, pitch: float) -> list[float]:
     """Smallest shifts of the second lines down and up that leave them in line or a pitch apart."""
-    every = np.unique(np.add.outer(np.subtract.outer(own, theirs).ravel(), [-pitch, 0.0, pitch]).round(12))
+    every = np.unique(np.add.outer(np.subtract.outer(own, theirs).ravel(), [-pitch, 0.0, pitch]).round(PLACES))
     down, up = every[every < 0.0][::-1], every[every > 0.0]
     found = (next((s for s in side if not np.isfinite(_nearest(own, theirs + s, pitch))), None) for side in (down, up))
     return [float(shift) for shift in found if shift is not None]

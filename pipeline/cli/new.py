@@ -16,10 +16,7 @@ WISHES = {
     "pillar_material": ("", "material of the pillars, if it is another one"),
     "target": ("32kHz", "frequency of the target mode, met within 1 %%"),
     "thickness": (2.0, "thickness of the plate, mm"),
-    "half_wavelength": (
-        0.0,
-        "largest half-wavelength along the zone, mm; 0 takes 1.2 of the bare plate's at the target",
-    ),
+    "half_wavelength": (0.0, "largest half-wavelength along the zone, mm; 0: 1.2 of the bare plate's at the target"),
     "length": (115.5, "length of the zone, mm"),
     "side": (2.0, "side of the square pillars, mm"),
     "pitch": (4.0, "pitch of the pillars, mm"),
@@ -36,9 +33,7 @@ OPTIONS = {  # keys that take the value unchanged
     "array.extension_mm": "--extension",
 }
 BRITTLE = ("glass", "borosilicate", "aluminosilicate", "silicon")  # plates of them carry pillars of another material
-LONGER = (
-    1.2  # half-wavelength along the zone over the bare plate's: three tenths of the wave's square are left across it
-)
+LONGER = 1.2  # half-wavelength along the zone over the bare plate's: 0.3 of the wave's square are left across it
 TEMPLATE = Path(__file__).with_name("new_case.toml.template")
 
 

@@ -7,7 +7,7 @@ frequencies f of two meshes whose elements differ by a factor r put the exact on
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,10 +35,8 @@ SAME_BODY = 0.01  # of the size along an axis, and of the volume: two meshes of 
 FACE = Interface(16, 5)  # boundary functions of a reduced cell
 TRUNCATED = 1e-6  # relative change of a frequency by the reduction above which the mesh is solved whole
 MIN_DOF, MIN_WAVEVECTORS = 4000, 9  # the reduction takes longer than fewer solves of a smaller mesh
-SAMPLES, GRID = (
-    3,
-    4,
-)  # wavevectors sampled per segment of the path, and intervals of the grid that is checked over the zone
+SAMPLES = 3  # wavevectors sampled per segment of the path
+GRID = 4  # intervals of the grid that is checked over the zone
 UPPER = (np.sqrt(2.0), np.pi)  # wavevectors on one side of this direction: those on the other have the same waves
 BLOCKS = 3  # parts along each axis in which the sizes of elements are compared
 
@@ -148,7 +146,7 @@ def _reduced(case: Case, mesh: AnyMesh, materials: dict[str, Material], log: Log
         return None
     try:
         thickness = float(np.ptp(mesh.nodes[sides(mesh, design.pitch_x_m)[0].nodes, 2]))
-        body = body_of(mesh, materials, design, thickness_m=thickness)
+        body = body_of(mesh, materials, replace(design, thickness_m=thickness))
         with log.step("reduce the cell"):
             system, places = assemble(body.mesh, body.materials), _sampled_and_checked(case)
             reduced, error = sampled_lattice(system, body.limited(FACE), *places, bands.count, TRUNCATED, body.edges_m)

@@ -63,8 +63,8 @@ def in_one_cell(case: Case) -> Case:
     Case
         The case itself without shifted rows.
     """
-    (x1, y1), (x2, y2) = case.design.lattice.vectors_m.tolist()
-    return in_vectors(case, ((x1, y1), (x2, y2))) if case.design.stagger else case
+    lattice = case.design.lattice
+    return in_vectors(case, (lattice.a1_m, lattice.a2_m)) if case.design.stagger else case
 
 
 def check_places(case: Case, size: tuple[int, int]) -> None:

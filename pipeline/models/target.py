@@ -70,7 +70,7 @@ def mode_rows(modes: Modes, symmetry: str | None, measures: Confinement | None, 
             confinement_error_db=None,
             column=first + i,
             error_parts={},
-            **{name: _number(getattr(measures, name)[i]) if measures else None for name in MEASURES},
+            **_measures(measures, i),
         )
         for i, frequency in enumerate(modes.frequency_hz)
     ]
@@ -79,8 +79,12 @@ def mode_rows(modes: Modes, symmetry: str | None, measures: Confinement | None, 
 def measured(row: ModeRow, measures: Confinement, place: int) -> ModeRow:
     """Return a mode with other measures, whose error bars are not known."""
     bars = ("zone_share_error", "confinement_error_db", "mac_error", "strength_error", "extension_error_db")
-    own: dict[str, Any] = {name: _number(getattr(measures, name)[place]) for name in MEASURES} | dict.fromkeys(bars)
-    return replace(row, **own)
+    return replace(row, **_measures(measures, place) | dict.fromkeys(bars))
+
+
+def _measures(measures: Confinement | None, place: int) -> dict[str, Any]:
+    """The measures of one mode by name, None where one has no meaning."""
+    return {name: _number(getattr(measures, name)[place]) if measures else None for name in MEASURES}
 
 
 def _number(value: float) -> float | None:

@@ -250,7 +250,11 @@ def by_vectors(case: Case) -> Case:
     Case
         The case itself unless its rows are shifted and its pillars too wide for such panels.
     """
-    return in_vectors(case, shortest_vectors(*case.design.lattice.vectors_m)) if _is_in_one_cell(case) else case
+    design, pillar = case.design, case.design.pillar
+    if not design.stagger or pillar is None or case.solve.model == SOLID or not _is_too_wide(design):
+        return case
+    vectors = shortest_vectors(*design.lattice.vectors_m.tolist())
+    return in_vectors(case, vectors) if fits(vectors, pillar) else case
 
 
 def in_vectors(case: Case, vectors: tuple[tuple[float, float], tuple[float, float]]) -> Case:
@@ -269,14 +273,6 @@ def in_vectors(case: Case, vectors: tuple[tuple[float, float], tuple[float, floa
         With the same lattice.
     """
     return replace(case, design=replace(case.design, stagger=False, oblique_m=vectors))
-
-
-def _is_in_one_cell(case: Case) -> bool:
-    """Whether rows are shifted, and one cell holds the pillar that panels half a pitch wide cannot hold."""
-    design, pillar = case.design, case.design.pillar
-    if not design.stagger or case.solve.model == SOLID:
-        return False
-    return bool(pillar and _is_too_wide(design) and fits(shortest_vectors(*design.lattice.vectors_m), pillar))
 
 
 def _is_too_wide(design: Design) -> bool:

@@ -58,14 +58,15 @@ class Geometry(Question[GeometryResult], in_studies_only=True, honours=OF_A_PLAT
         assert run.folder
         with run.step("build the solid"):
             body = solids.plate_solid(case.design)
-        files = ("plate.step", "plate.3mf") if body.bonded else ("plate_mm.stl", "plate.step", "plate.3mf")
+        printed = "plate.3mf" if body.bonded else "plate_mm.stl"
+        files = ("plate.step", "plate.3mf") if body.bonded else (printed, "plate.step", "plate.3mf")
         with run.step("write STEP, 3MF" if body.bonded else "write STL, STEP, 3MF"):
             if not body.bonded:
                 printing.write_stl(body, run.folder / "plate_mm.stl", case.name)
             printing.write_step(body, run.folder / "plate.step", case.name, material_names(case.design))
             printing.write_3mf(body, run.folder / "plate.3mf", about(case), material_names(case.design))
         with run.step("check the print file"):
-            return checked(case, body, run.folder / files[-1 if body.bonded else 0], run.log, files)
+            return checked(case, body, run.folder / printed, run.log, files)
 
 
 def checked(case: Case, body: Any, file: Path, log: Log, files: tuple[str, ...]) -> GeometryResult:

@@ -61,13 +61,7 @@ class Body:
         return replace(face, along=min(face.along, along), through=min(face.through, through))
 
 
-def body_of(
-    mesh: AnyMesh,
-    materials: dict[str, Material],
-    design: Design,
-    estimated: bool = False,
-    thickness_m: float | None = None,
-) -> Body:
+def body_of(mesh: AnyMesh, materials: dict[str, Material], design: Design, estimated: bool = False) -> Body:
     """Place a mesh of one cell as a panel of a plate.
 
     Parameters
@@ -80,8 +74,6 @@ def body_of(
         Lattice and thickness of the plate, in m.
     estimated : bool, optional
         Whether stress recovery is to correct its discretisation error.
-    thickness_m : float, optional
-        Thickness of the plate if the design has none.
 
     Returns
     -------
@@ -93,7 +85,7 @@ def body_of(
     MeshError
         For a lattice without rows along x, and sides that are not those of bare plate.
     """
-    size, thick = np.array([design.pitch_x_m, design.pitch_y_m]), thickness_m or design.thickness_m
+    size, thick = np.array([design.pitch_x_m, design.pitch_y_m]), design.thickness_m
     if not isinstance(mesh, Mesh) or mesh.kind not in ("tet", "hex"):
         raise errors.MeshError(f"elements are {mesh.kind}: must be tetrahedra alone or hexahedra alone")
     edges = _oblique_edges(design, mesh)

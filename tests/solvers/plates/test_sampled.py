@@ -53,7 +53,7 @@ def rises(drawn: Drawn, face: Interface, zone: FloatArray | None = None) -> tupl
     """
     mesh, materials, design = drawn
     lattice = design.lattice
-    body = body_of(mesh, {name: materials[name] for name in mesh.regions}, design, thickness_m=THICK_M)
+    body = body_of(mesh, {name: materials[name] for name in mesh.regions}, replace(design, thickness_m=THICK_M))
     labels = "GXMG" if "M" in lattice.high_symmetry else "GXH1CHYG"
     sampled, finer, places = (lattice.path(labels, points).wavevectors for points in (3, 6, 7))
     checked = finer[1::2] if zone is None else np.vstack([finer[1::2], lattice.grid(2, ())])
