@@ -246,16 +246,19 @@ class BeamSimulation:
     ROWS = 64  # of noise, drawn at once
 
     def __init__(self, beam: Beam | Structure, seed: int = 1) -> None:
-        self.beam = beam.structure if isinstance(beam, Beam) else beam
-        pole = self.beam.poles
-        step = 1.0 / self.beam.sample_rate_hz
-        self.decay = np.exp(pole * step)
-        self.push = ((self.decay - 1.0) / pole)[:, None] * self.beam.actuators
-        self.pull = self.beam.sensors.T / pole.imag
-        self.state = np.zeros(len(pole), complex)
+        self.become(beam.structure if isinstance(beam, Beam) else beam)
+        self.state = np.zeros(len(self.decay), complex)
+        self.softening = np.zeros(len(self.decay))  # decrease of a mode's phase per sample, rad, over its amplitude
         self.at_once = np.zeros(CHANNELS)
         self.random = np.random.default_rng(seed)
         self.noise: list[Floats] = []
+
+    def become(self, beam: Structure) -> None:
+        """Replace the modal model; the motion continues."""
+        self.beam, pole = beam, beam.poles
+        self.decay = np.exp(pole / beam.sample_rate_hz)
+        self.push = ((self.decay - 1.0) / pole)[:, None] * beam.actuators
+        self.pull = beam.sensors.T / pole.imag
 
     def sense(self) -> Floats:
         """Return the signals of the six sensors at this sample, as fractions of full scale."""
@@ -269,6 +272,8 @@ class BeamSimulation:
     def drive(self, levels: Floats) -> None:
         """Hold six drives from now to the next sample."""
         self.state = self.decay * self.state + self.push @ levels
+        if self.softening.any():
+            self.state *= np.exp(-1j * self.softening * np.abs(self.state))
         if self.beam.residual is not None:
             self.at_once = self.beam.residual @ levels
 

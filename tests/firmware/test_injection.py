@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from firmware import injection, injection_jobs, injection_rig
+from firmware import injection, injection_jobs, injection_rig, injection_six
 from firmware.build import BuildError
 from firmware.closed_loop import held_plate
 from firmware.emulate.plant import Beam, measured_table
@@ -58,6 +58,35 @@ def test_lifts_softening_plates_retries_and_chirps_end_as_they_should(core) -> N
 @pytest.mark.slow
 def test_lifts_softening_plates_retries_and_chirps_at_many_moments(core) -> None:
     check_jobs(1.0, 1)
+
+
+def test_six_channels_end_as_they_should(core) -> None:
+    rows = [
+        injection_six.lift_row(1, 17),
+        injection_six.softening_row("stiffens", -1.0, 1, 17),
+        *injection_six.measuring_rows(0.005, 37),
+    ]
+    for row in rows:
+        assert row.moments and row.is_sound, row.text
+    assert len(rows) == 2 + len(injection_rig.TRIPS) + 2
+
+
+@pytest.mark.slow
+def test_six_channels_end_as_they_should_at_many_moments(core) -> None:
+    rows = list(injection_six.rows(0.25))
+    for row in rows:
+        assert row.moments and row.is_sound, row.text
+    assert len(rows) == 3 + len(injection_six.FAILED) + 1 + len(injection_rig.TRIPS) + 2
+    assert rows[-1].latched and rows[-1].held
+
+
+def test_six_channels_that_leave_their_level_are_not_taken_for_held(core, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rows' own judgement: less room than the lift takes, a plate that is lost, a failed sensor and no time."""
+    monkeypatch.setattr(injection_six, "LIFTED_MOST", 1.0)
+    assert not injection_six.lift_row(1, 17).is_sound
+    assert not injection_six.softening_row("softens", 30.0, 1, 17).is_sound
+    monkeypatch.setitem(injection_six.FAILED, "dead", (1.0, 3.4))
+    assert not injection_six.retry_row("dead", 1, 17).is_sound
 
 
 def test_a_lift_that_overshoots_is_not_taken_for_held(core, monkeypatch: pytest.MonkeyPatch) -> None:

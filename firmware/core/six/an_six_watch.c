@@ -9,8 +9,9 @@
 #define AN_SIX_DISTANCE_SUM 0.5f /* of the amplitude: sum of deviations that decides */
 #define AN_SIX_MOVEMENT_SUM 0.25f /* of the amplitude: sum of predicted movements that decides */
 #define AN_SIX_MIN 0.02f    /* of full scale: smallest usable amplitude */
-#define AN_SIX_ROUGHNESS_RATIO 17.0f /* smallest amplitude over recent prediction error: fifty times the noise */
-#define AN_SIX_FORGET 0.9f  /* decay of the roughness per block */
+#define AN_SIX_QUIET2 1444.0f /* squared: smallest amplitude over recent rms prediction error, fifty times the noise */
+#define AN_SIX_KNOCK2 0.2f  /* share of one large deviation's square in the roughness */
+#define AN_SIX_FORGET 0.81f /* decay of the roughness per block */
 #define AN_SIX_LEVEL 0.5f   /* weight of a deviation in the level of the slow modes */
 #define AN_SIX_SLOPE 0.15f  /* likewise, in their slope */
 
@@ -24,7 +25,7 @@ void an_six_watch_forget(an_six_watch *watch)
 {
     an_clear(watch, sizeof *watch);
     for (uint32_t i = 0u; i < AN_SIX; i++) {
-        watch->traces[i].rough = 1.0f;
+        watch->traces[i].rough2 = 1.0f;
     }
 }
 
@@ -68,15 +69,16 @@ static bool look(an_six_trace *trace, float shown, float tone, float angle)
     const bool fits = gone || reversed || stuck;
     trace->run = fits ? trace->run + 1u : 0u;
     if (sound) {
-        trace->off = larger(trace->off, off);
+        trace->off2 += off * off;
     } else if (!fits) {
-        trace->rough = larger(trace->rough, off);
+        trace->rough2 = larger(trace->rough2, AN_SIX_KNOCK2 * off * off);
     }
     follow(trace, distance, sound || !fits);
     trace->shown = shown;
     trace->expected = expected;
     const float enough = AN_SIX_DISTANCE_SUM * trace->size;
-    return trace->size > AN_SIX_MIN && trace->size > AN_SIX_ROUGHNESS_RATIO * trace->rough && trace->run >= RUN_MIN &&
+    const bool quiet = trace->size * trace->size > AN_SIX_QUIET2 * trace->rough2;
+    return trace->size > AN_SIX_MIN && quiet && trace->run >= RUN_MIN &&
            (trace->gone > enough || trace->reversed > enough || trace->stuck > AN_SIX_MOVEMENT_SUM * trace->size);
 }
 
@@ -101,9 +103,9 @@ static void forget_slowly(an_six_watch *watch)
 {
     for (uint32_t i = 0u; i < AN_SIX; i++) {
         an_six_trace *trace = &watch->traces[i];
-        trace->rough = larger(AN_SIX_FORGET * trace->rough, trace->off_before);
-        trace->off_before = trace->off;
-        trace->off = 0.0f;
+        trace->rough2 += (1.0f - AN_SIX_FORGET) * (trace->off2_before * (1.0f / (float)BLOCK) - trace->rough2);
+        trace->off2_before = trace->off2;
+        trace->off2 = 0.0f;
     }
 }
 

@@ -3,8 +3,8 @@
  * The phasor of the last window, plus the contribution of ringing slower modes, predicts the present sample x of each
  * sensor. A sample that deviates by more than AN_SIX_ALLOWED counts against the sensor if it is zero (dead), -x
  * (reversed) or equal to the last sample (stuck). Three such samples in a row that together deviate far enough are a
- * fault. The check decides only if the predictions were accurate until a few samples ago. It therefore does not decide
- * in strong noise, while patterns change, or after a knock on the plate, which fits none of the three.
+ * fault. The check decides only if the predictions were accurate until a few samples ago, in the mean: one outlier of
+ * the noise must not stop it. It therefore does not decide in strong noise, while patterns change, or after a knock on the plate, which fits none of the three.
  */
 #ifndef AN_SIX_WATCH_H
 #define AN_SIX_WATCH_H
@@ -25,9 +25,9 @@ typedef struct {
     float reversed; /* likewise, for a reversed sensor */
     float stuck;    /* evidence for a stuck sensor: sum of predicted movements */
     uint32_t run;   /* consecutive samples that fit any of these */
-    float off;        /* largest deviation from the predictions in the current block of samples ... */
-    float off_before; /* ... in the block before ... */
-    float rough;      /* ... and in earlier blocks, with a memory of some milliseconds */
+    float off2;        /* sum of squared deviations from the predictions in the current block of samples ... */
+    float off2_before; /* ... in the block before ... */
+    float rough2;      /* ... and their mean in earlier blocks, with a memory of some milliseconds */
 } an_six_trace;
 
 typedef struct {
