@@ -38,7 +38,10 @@ from solvers.waves.branches import is_flexural
 from solvers.waves.complex_bands import Row
 from solvers.waves.gaps import complete_gaps
 
-POINTS = 25  # frequencies of the decay per row
+POINTS, FINER = 25, 24  # frequencies of the decay per row: evenly spaced, and at most added where its curve bends
+NARROW = 16  # parts of an even step: the closest that these stand, some pixels of the page
+STRAIGHT_DB = 0.05  # change of slope times step up to which a step is drawn as a line
+ALIKE = 1.0 - 1e-6  # of the largest: page and Python halve the first of equal steps
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
 WIDE_M = 0.06  # of plate beyond the zone: from there on many modes lie near the target mode
@@ -311,12 +314,9 @@ class Explorer:
         if kx > np.pi / sizes[3]:
             return {"frequency_hz": [], "db_per_row": [], "kx_per_m": kx}
         row = Row(self._live.row(sizes, case.design.stack.material), kx)
-        frequencies = np.linspace(window[0], window[1], POINTS)
-        return {
-            "frequency_hz": np.round(frequencies, 1).tolist(),
-            "db_per_row": [_flexural_db(row, float(hz)) for hz in frequencies],
-            "kx_per_m": kx,
-        }
+        frequency_hz, decay = _bisected(window, lambda hz: _flexural_db(row, hz))
+        rounded = [None if each is None else round(each, 4) for each in decay]
+        return {"frequency_hz": np.round(frequency_hz, 1).tolist(), "db_per_row": rounded, "kx_per_m": kx}
 
     @one_thread()
     def plate(self, case: Case, mesh_error: Callable[[float], float] = lambda hz: 0.0) -> Document:
@@ -569,11 +569,35 @@ def _float(value: Any) -> float:
         return math.nan
 
 
+def _bisected(
+    window: tuple[float, float], decay: Callable[[float], float | None]
+) -> tuple[list[float], list[float | None]]:
+    """Frequencies in a window and the decay at each: even steps, and the middles of those where a line is farthest off.
+
+    The error of a line over a step h is about h / 8 times the change of slope at its ends, of which the geometric mean is
+    taken; a decay without value counts as the steepest.
+    """
+    hz: list[float] = np.linspace(*window, POINTS).tolist()
+    db = [decay(each) for each in hz]
+    narrow = 1.5 * (window[1] - window[0]) / (POINTS - 1) / NARROW
+    for _ in range(FINER):
+        step = np.diff(hz)
+        slope = np.diff([STEEPEST_DB if each is None else each for each in db]) / step
+        bend = np.concatenate([[0.0], np.abs(np.diff(slope)), [0.0]])
+        off = np.where(step > narrow, step * np.sqrt(bend[:-1] * bend[1:]), 0.0)
+        if off.max() < STRAIGHT_DB:
+            break
+        at = int(np.argmax(off >= ALIKE * off.max()))
+        hz.insert(at + 1, (hz[at] + hz[at + 1]) / 2.0)
+        db.insert(at + 1, decay(hz[at + 1]))
+    return hz, db
+
+
 def _flexural_db(row: Row, frequency_hz: float) -> float | None:
     waves = row.waves(frequency_hz)
     kept = np.flatnonzero(waves.db_per_row <= STEEPEST_DB)
     flexural = waves.db_per_row[kept[is_flexural(row.periodic, waves.dofs[:, kept])]]
-    return round(float(np.abs(flexural).min()), 4) if len(flexural) else None
+    return float(np.abs(flexural).min()) if len(flexural) else None
 
 
 def _profile(y_m: FloatArray, weights: FloatArray, squares: FloatArray, end_m: float) -> Document:

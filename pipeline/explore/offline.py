@@ -16,7 +16,20 @@ from geometry.elements import FloatArray
 from geometry.layout import SHORT, Design
 from geometry.materials import Isotropic
 from pipeline.errors import InputError
-from pipeline.explore.answer import NEAR, POINTS, PROFILE, STEEPEST_DB, WIDE_M, WORDS, Explorer, Limit
+from pipeline.explore.answer import (
+    ALIKE,
+    FINER,
+    NARROW,
+    NEAR,
+    POINTS,
+    PROFILE,
+    STEEPEST_DB,
+    STRAIGHT_DB,
+    WIDE_M,
+    WORDS,
+    Explorer,
+    Limit,
+)
 from pipeline.models import live_column
 from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, thin_error
 from pipeline.models.parametric import CellModel, MeshTable
@@ -150,7 +163,9 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "finite": _finite(design),
         "rule": RULE,
         "profile": PROFILE,
-        "decay_points": POINTS,
+        "decay": {
+            "points": POINTS, "finer": FINER, "narrow": NARROW, "straight": STRAIGHT_DB, "alike": ALIKE,
+        },
         "mesh": _mesh(model.mesh) if model.mesh else None,
     } | _bands(model, numbers)  # fmt: skip
 

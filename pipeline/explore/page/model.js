@@ -819,9 +819,20 @@ function decayOf(data, pillarCell, design, window) {
   if (data.kx > Math.PI / design.pitch) return { frequency_hz: [], db_per_row: [], kx_per_m: data.kx };
   const pillar = pillarCell(), bare = range(1, data.box.panels).map(() => bareCell(data, pillar.width, design.pitch * data.box.panel[1], design.thickness));
   const whole = realRow(data, [pillar, ...bare], data.kx, true), row = { ...whole, dropped: whole.among("dropped") };
-  const hz = range(0, data.decay_points).map((i) => window[0] + (window[1] - window[0]) * i / (data.decay_points - 1));
   const angular = data.angular * data.reference[0] / design.thickness;
-  return { frequency_hz: hz, db_per_row: hz.map((f) => flexuralDb(data, row, (2 * Math.PI * f / angular) ** 2)), kx_per_m: data.kx };
+  return { ...bisected(data.decay, data.constants.steepest_db, window, (f) => flexuralDb(data, row, (2 * Math.PI * f / angular) ** 2)), kx_per_m: data.kx };
+}
+function bisected({ points, finer, narrow, straight, alike }, steepest, [low, high], decay) { // _bisected in pipeline/explore/answer.py
+  const hz = range(0, points).map((i) => low + (high - low) * i / (points - 1)), db = hz.map(decay), least = 1.5 * (high - low) / (points - 1) / narrow;
+  for (let k = 0; k < finer; k++) {
+    const level = db.map((v) => v === null ? steepest : v), step = range(1, hz.length).map((i) => hz[i] - hz[i - 1]), slope = step.map((h, i) => (level[i + 1] - level[i]) / h);
+    const bend = [0, ...range(1, step.length).map((i) => Math.abs(slope[i] - slope[i - 1])), 0], off = step.map((h, i) => h > least ? h * Math.sqrt(bend[i] * bend[i + 1]) : 0);
+    const most = Math.max(...off);
+    if (most < straight) break;
+    const at = off.findIndex((v) => v >= alike * most), middle = (hz[at] + hz[at + 1]) / 2;
+    hz.splice(at + 1, 0, middle); db.splice(at + 1, 0, decay(middle));
+  }
+  return { frequency_hz: hz, db_per_row: db };
 }
 function softening(data, edge, eigenvalue) { // of what the inner functions left out answer: solvers/superelement/cell.py
   const known = Math.min(eigenvalue, data.constants.known * edge);

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import math
 import threading
 import time
 import tomllib
@@ -20,6 +21,7 @@ import pytest
 from geometry.tiling import Panel
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
+from pipeline.explore import answer
 from pipeline.explore import server as served_module
 from pipeline.explore.answer import BATCH, PLATES, Bar, Candidate, Explorer, apart, compute, read_design
 from pipeline.explore.server import BackgroundExplorer, Server
@@ -342,6 +344,16 @@ def test_decay_follows_the_pillars(explorer: Explorer) -> None:
     known = [value for value in one["db_per_row"] if value is not None]
     assert min(known) >= 0.0
     assert one["db_per_row"] != other["db_per_row"]
+
+
+def test_a_decay_is_drawn_smoothly_up_to_its_edges() -> None:
+    """A stop band's edge, where the decay is a root: the error of a chord over a step h is at most root(h) / 4."""
+    hz, db = answer._bisected((0.0, 24.0), lambda f: 10.0 * math.sqrt(max(0.0, (f - 7.3) / 16.7)))
+    assert len(hz) <= 49 and np.all(np.diff(hz) > 0.9 / answer.NARROW)
+    fine = np.linspace(7.3, 24.0, 4001)
+    off = np.abs(np.interp(fine, hz, np.array(db, dtype=float)) - 10.0 * np.sqrt((fine - 7.3) / 16.7))
+    assert off[fine > 8.0].max() < 0.05 and off.max() < 10.0 * math.sqrt(2.0 / answer.NARROW / 16.7)
+    assert len(answer._bisected((0.0, 24.0), lambda f: 0.2 * f)[0]) == answer.POINTS
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ SAME = 1e-6
 SEED, DRAWN, PARTS, QUICK = 52, 200, 8, 20
 FEW = 2  # rows of the quick draw: a plate of eight takes the page four times as long
 ROWS_DB = 5e-5 + SAME  # an answer rounds the decay per row
+ROUNDED_HZ = 0.05 + 1e-6  # and its frequencies to tenths of a hertz
 NUMBERS = "frequency_hz", "frequency_error", "near_hz", "mac", "zone_share", "half_width_mm", "half_span_mm"
 LEVELS = "confinement_db", "confinement_error_db", "extension_db", "extension_error_db"
 ASK = """
@@ -109,6 +110,7 @@ def require_same(explorer: Explorer, given: Design, theirs: dict[str, Any]) -> N
     """Warnings, bands, bars, decay and plate of a design; of a plate that the page has no answer for, why."""
     ours = explorer.answer(given)
     require_same_bands(explorer, given, ours["bands"], theirs["bands"])
+    assert theirs["rows"]["frequency_hz"] == pytest.approx(ours["rows"]["frequency_hz"], abs=ROUNDED_HZ)
     for one, other in zip(ours["rows"]["db_per_row"], theirs["rows"]["db_per_row"], strict=True):
         assert other == (one if one is None else pytest.approx(one, rel=SAME, abs=ROWS_DB))
     plate, other = ours["plate"], theirs["plate"]
