@@ -9,7 +9,7 @@ static float dirichlet(uint32_t half_step, uint32_t window)
     const float low = an_turn(half_step).im;
     const float high = an_turn(half_step * window).im;
     const float floor = 1e-4f;
-    return low > floor || low < -floor ? high / low : (float)window;
+    return low > floor ? high / low : (float)window; /* a step above half a turn is refused */
 }
 
 /* With the phase measured from the middle, sum cos p sin p = sum sin p = 0. For cosine and offset the normal matrix is

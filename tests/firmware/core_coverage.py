@@ -1,7 +1,8 @@
 """How many branches of the core the tests on this machine take: `python -m tests.firmware.core_coverage`, by gcc and gcov.
 
-Builds the core anew with counters in it, runs the tests that use it here, and prints each file's share of branches taken. Exit
-code 4 below the floor.
+Builds the core anew with counters in it, runs the tests that use it here, and prints each file's share of branches taken, with
+the lines that have others. Assertions are left out, as on the board; `test_invariants.py` sees them fire. Exit code 4 below the
+floor.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ import sys
 import tempfile
 from pathlib import Path
 
-FLOOR = 0.90
+FLOOR = 0.94
 TESTS = Path(__file__).parent
 NAMES = (
     "test_frame.py test_table_reader.py test_texture.py test_link.py test_sine.py test_demod.py test_pi.py test_resonance.py "
+    "test_sweep.py "
     "test_loop_on_host.py test_touch.py test_injection.py test_six.py test_supervisor.py test_keep.py test_identify.py"
 )
 NOT_HERE = "not emulated and not image_fits and not make_six and not the_image_keeps"
@@ -26,7 +28,7 @@ NOT_HERE = "not emulated and not image_fits and not make_six and not the_image_k
 
 def run_tests(folder: Path) -> subprocess.CompletedProcess[str]:
     """The host tests with a library that counts; its counters are written into the folder."""
-    flags = "--coverage -O0 -fprofile-update=single"
+    flags = "--coverage -O0 -fprofile-update=single -UAN_CHECKED"
     places = {"TMPDIR": str(folder), "XDG_CACHE_HOME": str(folder)}  # the library and its counters lie in the cache
     environment = os.environ | {"ANTINODE_HOST_FLAGS": flags, "CC": "gcc"} | places
     files = [str(TESTS / name) for name in NAMES.split() if (TESTS / name).exists()]
@@ -34,9 +36,9 @@ def run_tests(folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=TESTS.parents[1], env=environment, capture_output=True, text=True)
 
 
-def branches(folder: Path) -> dict[str, tuple[int, int]]:
-    """(taken, all) branches of each source of the core."""
-    result: dict[str, tuple[int, int]] = {}
+def branches(folder: Path) -> dict[str, dict[tuple[int, int], bool]]:
+    """Whether the branches of each source of the core are taken, by line and number there, in any of its objects."""
+    result: dict[str, dict[tuple[int, int], bool]] = {}
     for counters in sorted(folder.rglob("*.gcda")):
         subprocess.run(["gcov", "-b", "-j", str(counters)], cwd=folder, capture_output=True, check=True)
     for packed in sorted(folder.glob("*.gcov.json.gz")):
@@ -44,10 +46,10 @@ def branches(folder: Path) -> dict[str, tuple[int, int]]:
             path = Path(file["file"])
             if "core" not in path.parts:
                 continue
-            taken = [branch["count"] > 0 for line in file["lines"] for branch in line["branches"]]
-            before = result.get(path.name, (0, 0))
-            if taken and sum(taken) >= before[0]:
-                result[path.name] = (sum(taken), len(taken))
+            for line in file["lines"]:
+                for number, branch in enumerate(line["branches"]):
+                    own, place = result.setdefault(path.name, {}), (line["line_number"], number)
+                    own[place] = own.get(place, False) or branch["count"] > 0
     return result
 
 
@@ -65,9 +67,11 @@ def main() -> int:
     if not result:
         print("coverage: the library left no counters", file=sys.stderr)
         return 3
-    for file, (taken, total) in result.items():
-        print(f"{file}: {taken} of {total} branches, {100 * taken / total:.0f} %")
-    taken, total = (sum(column) for column in zip(*result.values(), strict=True))
+    for file, own in result.items():
+        lines = sorted({line for (line, _), is_taken in own.items() if not is_taken})
+        never = f"; not all of lines {', '.join(map(str, lines))}" if lines else ""
+        print(f"{file}: {sum(own.values())} of {len(own)} branches, {100 * sum(own.values()) / len(own):.0f} %{never}")
+    taken, total = (sum(map(size, result.values())) for size in (lambda own: sum(own.values()), len))
     print(f"core: {taken} of {total} branches, {100 * taken / total:.1f} %, floor {100 * FLOOR:.0f} %")
     return 0 if taken >= FLOOR * total else 4
 

@@ -81,8 +81,9 @@ def test_the_other_side_of_the_carrier_is_a_conjugate_not_the_same(core) -> None
     assert result.imag * phasor.imag >= 0.0
 
 
-@pytest.mark.parametrize("frequency_hz", [0.0, 100.0, 124.9e3])
+@pytest.mark.parametrize("frequency_hz", [0.0, 100.0, 124.9e3, 125.1e3, 218.7e3, 249e3])
 def test_tones_that_a_window_cannot_tell_from_an_offset_are_refused(core, frequency_hz: float) -> None:
+    """Nor one above half the sample rate."""
     step = int(frequency_hz / RATE * TURN)
     assert not core.lib.an_demod_plan(core.ffi.new("an_demod *"), step, WINDOW, 1.0)
 

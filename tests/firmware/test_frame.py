@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 import pytest
+from cobs import cobs
 from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware import protocol, wire
+from firmware.mode_table import crc32
 from firmware.protocol import Fault, Kind, Message, decode, encode
 
 payloads = st.binary(max_size=protocol.PAYLOAD_MAX)
@@ -84,6 +88,24 @@ def test_both_ends_write_and_read_the_same(core, kind: int, sequence: int, paylo
 def test_a_message_too_long_is_not_written(core) -> None:
     out = core.ffi.new("uint8_t []", core.lib.AN_FRAME_BYTES)
     assert core.lib.an_frame_write(out, core.ffi.new("an_message *", {"length": protocol.PAYLOAD_MAX + 1})) == 0
+
+
+@pytest.mark.parametrize("length", [0, 1, protocol.PAYLOAD_MAX + 3])
+def test_what_is_shorter_or_longer_than_a_message_is_refused(core, length: int) -> None:
+    """Though its check sum fits: at most 120 bytes of payload, at least a kind and a number."""
+    body = bytes([7] * length)
+    frame = cobs.encode(body + struct.pack("<I", crc32(body))) + b"\0"
+    reader = Reader(core)
+    assert reader.feed(frame) == [] and reader.reader.refused == 1
+
+
+def test_a_zero_that_damage_left_in_the_buffer_does_not_stop_the_reader(core) -> None:
+    """No byte of the line is stored as zero, and a distance of zero would lead nowhere."""
+    reader = Reader(core)
+    frame = encode(MESSAGES[0])
+    assert reader.feed(frame[:-1]) == []
+    reader.reader.bytes[0] = 0
+    assert reader.feed(b"\0") == [] and reader.reader.refused == 1
 
 
 MESSAGES = [

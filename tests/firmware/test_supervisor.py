@@ -44,7 +44,7 @@ def test_a_host_that_started_must_keep_talking_one_at_the_board_need_not(core, s
 
 
 @pytest.mark.parametrize(
-    ("state", "kind"), [(IDLE, TRACK), (IDLE, DWELL), (RUN, REST), (RUN, DWELL), (IDENTIFY, TRACK)]
+    ("state", "kind"), [(IDLE, TRACK), (IDLE, DWELL), (RUN, REST), (RUN, DWELL), (IDENTIFY, TRACK), (RUN, 3)]
 )
 def test_a_job_that_the_state_does_not_know_is_a_fault(core, supervisor, state: int, kind: int) -> None:
     core.lib.an_supervisor_enter(supervisor, state)
