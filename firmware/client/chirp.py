@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware.mode_table import PERIOD, RATE_HZ, WINDOW
+from firmware.mode_table import MIN_MODE_HZ, PERIOD, RATE_HZ, WINDOW
 from firmware.protocol import CHIRP_ROWS, Chirp
 
 Floats = NDArray[np.float64]
@@ -42,6 +42,7 @@ class Sweep:
     carrier_hz: float
     steps: int
     every: int = 1
+    settle: int = 1  # periods before the recording
 
     @classmethod
     def for_tau(cls, carrier_hz: float, tau_s: float) -> Sweep:
@@ -58,14 +59,37 @@ class Sweep:
         if every >= FEW_FROM:
             steps = MOST_STEPS // 2
             every = math.ceil(SLOW_SETTLED * tau_s / WINDOW_S / steps)
+        return cls._between_lines(carrier_hz, steps, every, 1)
+
+    @classmethod
+    def _between_lines(cls, carrier_hz: float, steps: int, every: int, settle: int) -> Sweep:
         turns = 2.0 * steps * every * WINDOW_S
-        return cls((round(turns * carrier_hz - 0.5) + 0.5) / turns, steps, every)
+        half = round(turns * carrier_hz - 0.5) + 0.5
+        return cls((half if half >= turns * MIN_MODE_HZ else half + 1.0) / turns, steps, every, settle)
+
+    @property
+    def slow(self) -> bool:
+        """True if a period is long enough to count each one."""
+        return self.every >= FEW_FROM
+
+    @property
+    def coarser(self) -> Sweep:
+        """Sweep of half the period if it is slow, settled for as long: half as many lines find a resonance as well."""
+        if not self.slow:
+            return self
+        return self._between_lines(self.carrier_hz, self.steps, (self.every + 1) // 2, 2 * self.settle)
 
     def request(self, level: float) -> Chirp:
         """Return the request for this sweep, at a share of the drive limit, recorded from the second period on."""
         growth = TURN // self.steps
         return Chirp(
-            self.carrier_hz, level, (TURN + growth // 2 - TURN // 2) % TURN, growth, self.steps, self.every, self.steps
+            self.carrier_hz,
+            level,
+            (TURN + growth // 2 - TURN // 2) % TURN,
+            growth,
+            self.steps,
+            self.every,
+            self.settle * self.steps,
         )
 
     @property

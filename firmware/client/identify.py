@@ -27,7 +27,7 @@ SEARCH_LEVELS = (0.01, 0.04, 0.16)  # of the drive limit, while only noise is se
 MOTION = 0.35  # of the amplitude limit: intended largest response
 RAISED_MOST = 64.0  # in one step
 ABOVE_NOISE = 8.0  # least peak over rms noise
-PAIRS, SEARCH_PAIRS = 3, 2  # of periods, recorded at least
+PAIRS, SEARCH_PAIRS, SOFT_PAIRS = 3, 2, 1  # of periods, recorded at least
 COHERENCE_LEAST = 0.9
 MISFIT_MOST, ERROR_MOST, GAIN_ERROR = 0.03, 0.05, 0.1  # the last one for the gains of two modes, relative
 SPAN = 8.0  # half-bandwidths
@@ -126,19 +126,20 @@ class Found:
 def measure(client: Client, sweep: Sweep, level: float, drive_limit: float, least: int) -> Response:
     """Drive a sweep at a share of the drive limit, and return at least some pairs of periods of the response."""
     taken: list[int] = []
+    rows = min(CHIRP_ROWS, 2 * least * sweep.steps) if sweep.slow else CHIRP_ROWS
     for _ in range(max(1, 2 * least * sweep.steps // CHIRP_ROWS)):
-        taken += _recorded(client, sweep.request(level))
+        taken += _recorded(client, sweep.request(level), rows)
     motion = np.abs(np.array(taken, np.uint16).view(np.int16).reshape(-1, 2) @ np.array([1.0, 1j])).max() / FULL_SCALE
     periods = sweep.responses(taken, level * drive_limit)
     pairs = np.asarray(periods.reshape(-1, 2, sweep.steps).mean(axis=1), complex)
     return Response(sweep, pairs, level, float(motion))
 
 
-def _recorded(client: Client, chirp: Chirp) -> list[int]:
+def _recorded(client: Client, chirp: Chirp, rows: int) -> list[int]:
     client.chirp(chirp)
     words: list[int] = []
     heard = time.monotonic()
-    while len(words) < 2 * CHIRP_ROWS:
+    while len(words) < 2 * rows:
         part = client.captured(len(words))
         if (part.row, part.total) != (2, 2 * CHIRP_ROWS):
             raise BoardError(f"identify: the board records {part.total} words in rows of {part.row}; {OTHER_VERSION}")
@@ -152,7 +153,7 @@ def _recorded(client: Client, chirp: Chirp) -> list[int]:
             time.sleep(LOOK_S)
     client.stop()
     _wait_for_rest(client)
-    return words
+    return words[: 2 * rows]
 
 
 def _check_drives(client: Client) -> None:
@@ -196,10 +197,11 @@ def _search(client: Client, board: Board) -> tuple[Response, Mode]:
     """Find the resonance near the table's frequency, at the lowest level that shows it."""
     hertz = board.frequency_hz
     edge_hz, tau_s = SEARCH_SHARE * hertz, QUALITY_MOST / (math.pi * hertz)
-    sweeps = [Sweep.for_tau(hertz, tau_s)]
+    sweeps = [Sweep.for_tau(hertz, tau_s).coarser]
     if edge_hz > 0.49 / sweeps[0].step_s:
-        sweeps += [Sweep.for_tau(hertz + sign * edge_hz, tau_s) for sign in (-1.0, 1.0)]
-    for level in [max(level, _least_level(board)) for level in SEARCH_LEVELS]:
+        sweeps += [Sweep.for_tau(hertz + sign * edge_hz, tau_s).coarser for sign in (-1.0, 1.0)]
+    wider = math.sqrt(sweeps[0].settle)  # so that a sweep of half the period and twice the band moves the plate as much
+    for level in [max(wider * level, _least_level(board)) for level in SEARCH_LEVELS]:
         seen = [measure(client, sweep, level, board.drive_limit, SEARCH_PAIRS) for sweep in sweeps]
         best = max(seen, key=lambda one: float(np.abs(one.mean).max() / math.sqrt(one.noise2 + 1e-300)))
         if np.abs(best.mean).max() > ABOVE_NOISE * math.sqrt(best.noise2) and best.motion > 4.0 / 2048.0:
@@ -245,11 +247,11 @@ def _measured(client: Client, board: Board, response: Response, first: Mode) -> 
     loud = measure(client, sweep, level, board.drive_limit, PAIRS)
     bent, least = 0.0, _least_level(board)
     for _ in range(REPEATS + 1):
-        soft = measure(client, sweep, max(QUIETER * loud.level, least), board.drive_limit, PAIRS)
+        soft = measure(client, sweep, max(QUIETER * loud.level, least), board.drive_limit, SOFT_PAIRS)
         bent = _change(loud, soft, mode)
         if bent < LINEAR or soft.level == least:
             return loud, bent
-        loud = soft
+        loud = measure(client, sweep, soft.level, board.drive_limit, PAIRS)
     if bent > BENT:
         raise NotIdentified(
             f"the response still changes by {100.0 * bent:.0f} % with the level, at {loud.level:.3g} of the drive limit: "
@@ -263,7 +265,8 @@ def _change(loud: Response, soft: Response, mode: Mode) -> float:
     """Relative rms change of the response near the resonance from one level to another, without that of noise."""
     near = np.abs(loud.sweep.lines_hz) <= max(2.0 * mode.half_hz, 3.0 * loud.sweep.spacing_hz)
     changed = np.mean(np.abs(loud.mean - soft.mean)[near] ** 2)
-    noise = loud.noise2 + soft.noise2
+    averaged = (loud.level / soft.level) ** 2 * len(loud.pairs) / len(soft.pairs)
+    noise = loud.noise2 * (1.0 + averaged)
     if changed < 3.0 * noise:
         return 0.0
     return float(math.sqrt((changed - noise) / np.mean(np.abs(soft.mean[near]) ** 2)))

@@ -19,7 +19,7 @@ from firmware.client.identify import Found, NotIdentified, describe, draw, ident
 from firmware.emulate.plant import Plate, Resonance
 from firmware.mode_table import Mode as TableMode
 from firmware.mode_table import ModeTable, hold, to_bytes
-from firmware.protocol import IDLE, RUN, Chirp, Measured
+from firmware.protocol import IDENTIFY, IDLE, RUN, Chirp, Measured
 from tests.helpers.hosted_boards import Rig, RigPort
 
 TRUE, GAIN, DELAY_S, NOISE = 31437.3, 0.8, 7.3e-6, 1e-3
@@ -123,15 +123,22 @@ def test_other_frequencies(core, true: float) -> None:
     assert abs(bench.held(0.2)) < 1e-3 and bench.port.elapsed_s < 10.0
 
 
-@pytest.mark.parametrize(("true", "noise"), [(2.1e3, 1e-4), (4e3, NOISE), (8e3, NOISE)])
-def test_a_slow_plate_takes_what_its_decay_demands(core, true: float, noise: float) -> None:
-    """Ten seconds, or three sweeps of five periods of five time constants: 23.9 Q/f, which is more below 2.4 kHz."""
+@pytest.mark.parametrize(("true", "noise"), [(2.06e3, 1e-4), (4e3, NOISE), (8e3, NOISE)])
+def test_a_slow_plate_is_held_within_ten_seconds(core, true: float, noise: float) -> None:
+    """Of a table of 2 kHz, the lowest, too. Three sweeps settle for five time constants, and record ten, twenty and ten."""
     bench = Bench(1000.0, 0.03, true, noise=noise)
     found = identify(bench.client)
-    least_s = 75.0 * bench.own.tau_s
-    assert least_s == pytest.approx(23.9 * 1000.0 / true, rel=2e-3)
-    assert found.seconds < (10.0 if least_s < 10.0 else 1.15 * least_s)
+    if true < 8e3:
+        assert found.seconds < 1.15 * 55.0 * bench.own.tau_s
     assert close(found, bench, true / 1000.0 / 100.0, 0.01) and found.coherence > 0.999
+    bench.client.start()
+    checked = 0.0
+    while bench.rig.state == IDENTIFY:
+        checked += bench.rig.run_while(IDENTIFY, 0.2)
+        bench.client.status()
+    assert bench.rig.state == RUN and found.seconds + checked < 10.0
+    bench.client.stop()
+    bench.rig.run(0.5)
     assert abs(bench.held(2.0)) < 1e-3
 
 
@@ -239,9 +246,9 @@ def test_a_hand_during_the_measurement_never_loads_a_wrong_mode(core, when: Call
 
 
 def test_recordings_that_disagree_are_refused(core) -> None:
-    """A hand in one recording of three, at both levels alike: what is left to tell is the coherence."""
+    """A hand in one recording of three: what is left to tell is the coherence."""
     bench = Bench(1000.0)
-    hold_fast(bench, lambda count: count in (4, 7))
+    hold_fast(bench, lambda count: count == 4)
     assert "coherence 0." in bench.refused()
 
 

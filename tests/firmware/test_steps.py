@@ -7,6 +7,15 @@ import pytest
 from firmware import closed_loop
 
 
+def test_the_page_has_the_table_that_the_command_prints(core) -> None:
+    assert closed_loop.table_of_steps() in closed_loop.PAGE.read_text()
+
+
+@pytest.mark.slow
+def test_the_page_has_the_lifts_that_the_command_prints(core) -> None:
+    assert closed_loop.table_of_lifts() in closed_loop.PAGE.read_text()
+
+
 @pytest.mark.parametrize("quality_factor", closed_loop.STEP_QUALITIES)
 def test_steps_are_fast(core, quality_factor: float) -> None:
     """95 % within 2 ms at 0.2 of the drive up to Q 800, and within 1.15 times the least possible time beyond."""
