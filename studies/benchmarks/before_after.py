@@ -36,7 +36,7 @@ TASKS: dict[str, tuple[str, ...]] = {
     "four classes, 30 to 34 kHz": ("modes", CASE, "--band", "30kHz:34kHz"),
     "bands": ("bands", CASE),
     "response": ("response", CASE),
-    "response, nine patches": ("response", "examples/34-touch.toml", "--band", "30kHz:40kHz"),
+    "response, nine patches": ("response", "studies/touch-plate.toml", "--band", "30kHz:40kHz"),
     "main job": ("run", "rows", "--jobs", "2"),
     "grid": ("run", "grid", "--jobs", "2"),
 }
