@@ -24,6 +24,7 @@ FURTHEST = 10  # multiples of each lattice vector among which one along x is loo
 SHORTEST = 2  # multiples of the shortest vectors among which the axes of a lattice are looked for
 NEAREST = 2  # multiples of each reciprocal vector whose bisectors may bound the zone
 LABELS = re.compile("[A-Z][0-9]?")
+Vectors = tuple[tuple[float, float], tuple[float, float]]
 KNOWN = ("G", "X", "X1", "M", "S", "Y", "Y1", "K", "K1", "M1", "H", "C", "H1")  # of every lattice
 
 
@@ -112,23 +113,72 @@ def rows_along_x(a1: Sequence[float], a2: Sequence[float]) -> tuple[float, float
         Pitch along a row, distance of rows, and whether they are shifted by half a pitch; None for parallel vectors, without
         a lattice vector along x, and for rows shifted otherwise.
     """
-    vectors = np.array([a1, a2], dtype=float)
-    (ax, ay), (bx, by) = vectors.tolist()
-    size, area = float(np.linalg.norm(vectors, axis=1).max()), abs(ax * by - bx * ay)
-    if area <= SAME * size**2:
+    size = float(np.linalg.norm(np.array([a1, a2], dtype=float), axis=1).max())
+    if abs(a1[0] * a2[1] - a2[0] * a1[1]) <= SAME * size**2:
         return None
+    vectors = row_vectors(a1, a2)
+    if vectors is None:
+        return None
+    (pitch, _), (shift, distance) = vectors
+    return (pitch, distance, shift != 0.0) if shift in (0.0, HALF * pitch) else None
+
+
+def row_vectors(a1: Sequence[float], a2: Sequence[float]) -> Vectors | None:
+    """Find the vectors of a lattice along a row, and from there to the next one.
+
+    Parameters
+    ----------
+    a1, a2 : sequence of float
+        Vectors (x, y) in any unit, not parallel.
+
+    Returns
+    -------
+    tuple or None
+        (pitch, 0) and (shift, distance), the shift more than -pitch/2 and at most pitch/2; None without a lattice vector along
+        x, or without a point of the next row among multiples of the vectors up to FURTHEST.
+    """
     pitch = pitch_along_x(a1, a2)
     if pitch is None:
         return None
-    points, distance = _points(vectors, FURTHEST), area / pitch
-    next_row = points[np.abs(points[:, 1] - distance) <= SAME * size * FURTHEST, 0]
-    shift = float(next_row[0] / pitch % 1.0) if len(next_row) else 0.25
-    if min(shift, 1.0 - shift) <= SAME * FURTHEST * size / pitch:
-        return pitch, distance, False
-    return (pitch, distance, True) if abs(shift - HALF) <= SAME * FURTHEST * size / pitch else None
+    vectors = np.array([a1, a2], dtype=float)
+    points, distance = _points(vectors, FURTHEST), abs(a1[0] * a2[1] - a2[0] * a1[1]) / pitch
+    near = SAME * FURTHEST * float(np.linalg.norm(vectors, axis=1).max())
+    next_row = points[np.abs(points[:, 1] - distance) <= near, 0]
+    if not len(next_row):
+        return None
+    shift = float(next_row[0] - pitch * np.ceil(next_row[0] / pitch - HALF - near / pitch))
+    exact = next((each for each in (0.0, HALF * pitch) if abs(shift - each) <= near), shift)
+    return (pitch, 0.0), (exact, distance)
 
 
-def shortest_vectors(a1: Sequence[float], a2: Sequence[float]) -> tuple[tuple[float, float], tuple[float, float]]:
+def place_in_cell(vectors: Vectors, at: Sequence[float], radius: float) -> tuple[float, float] | None:
+    """Find the image of a disc in the cell of two vectors about the origin.
+
+    Parameters
+    ----------
+    vectors : tuple of tuple
+        Vectors (x, y) along the sides of the cell, in any unit.
+    at : sequence of float
+        Middle (x, y) of the disc in that unit.
+    radius : float
+        Its radius in that unit.
+
+    Returns
+    -------
+    tuple or None
+        Middle of the image; None where it crosses a side.
+    """
+    edges = np.array(vectors)
+    shares = np.asarray(at) @ np.linalg.inv(edges)
+    shares = shares - np.floor(shares + HALF)
+    room = (HALF - np.abs(shares)) * abs(np.linalg.det(edges)) / np.linalg.norm(edges[::-1], axis=1)
+    if room.min() < radius * (1.0 - SAME):
+        return None
+    x, y = (shares @ edges).tolist()
+    return x, y
+
+
+def shortest_vectors(a1: Sequence[float], a2: Sequence[float]) -> Vectors:
     """Find the two shortest vectors of a lattice.
 
     Parameters

@@ -80,7 +80,8 @@ FEATURES = {
     ),
     OBLIQUE: Feature(
         lambda case: f"{OBLIQUE} of an oblique lattice" if case.design.oblique_m else "",
-        "{} needs rows along x that are in line or shifted by half a pitch (antinode bands takes any lattice)",
+        "{} needs rows along x that are in line or shifted by half a pitch (antinode bands takes any lattice,"
+        " attenuation any with rows along x)",
     ),
     DEFECTS: Feature(
         lambda case: DEFECTS if case.defects else "",

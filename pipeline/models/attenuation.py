@@ -262,10 +262,15 @@ def _in_line(
     parted: bool,
 ) -> Made:  # fmt: skip
     """Cell of the bands, reduced once for both uses, or again if its cut-off is too low for these frequencies."""
-    if model is None or model.lattice.cell.dropped_hz < CLEAR * high_hz:
+    if model is None or model.lattice.cell.dropped_hz < CLEAR * high_hz or not _is_row(case, model):
         corners = case.path(1).corners
         model = lattice_model(case, choice, corners, log, meshes, high_hz=high_hz, parted=parted)
     return _of_model(case, model, log, parted)
+
+
+def _is_row(case: Case, model: LatticeModel) -> bool:
+    """Whether the sides of a reduced cell are those of the case's own: `bands` may have another one of its lattice."""
+    return bool(np.allclose(model.lattice.cell.vectors_m, case.design.lattice.vectors_m))
 
 
 def _of_model(case: Case, model: LatticeModel, log: Log, parted: bool) -> Made:

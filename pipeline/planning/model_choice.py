@@ -15,8 +15,9 @@ from geometry.hex.boxes import cell_boxes, hex_mesh
 from geometry.hex.oblique import fits
 from geometry.hex.panels import square_of
 from geometry.hex.scenes import HexSettings
-from geometry.lattice import shortest_vectors
+from geometry.lattice import Lattice, Vectors, labels_of, row_vectors, shortest_vectors
 from geometry.layout import Design, region_materials
+from pipeline.case.attached import image_in
 from pipeline.case.limits import MIN_GAP
 from pipeline.case.model import Case
 from pipeline.errors import InputError
@@ -238,7 +239,7 @@ def check_model(case: Case, hexahedra: bool) -> None:
 
 
 def by_vectors(case: Case) -> Case:
-    """Return the case with an oblique cell in the place of panels half a pitch wide that cannot hold its pillar.
+    """Return the case with an oblique cell in the place of panels half a pitch wide that cannot hold what is on it.
 
     Parameters
     ----------
@@ -248,16 +249,29 @@ def by_vectors(case: Case) -> Case:
     Returns
     -------
     Case
-        The case itself unless its rows are shifted and its pillars too wide for such panels.
+        The case itself unless its rows are shifted, and its pillars too wide for such panels or masses attached to its cell.
     """
-    design, pillar = case.design, case.design.pillar
-    if not design.stagger or pillar is None or case.solve.model == SOLID or not _is_too_wide(design):
-        return case
-    vectors = shortest_vectors(*design.lattice.vectors_m.tolist())
-    return in_vectors(case, vectors) if fits(vectors, pillar) else case
+    return in_vectors(case, shortest_vectors(*case.design.lattice.vectors_m)) if _is_in_one_cell(case) else case
 
 
-def in_vectors(case: Case, vectors: tuple[tuple[float, float], tuple[float, float]]) -> Case:
+def by_rows(case: Case) -> Case:
+    """Return the case with the oblique cell of one row along x, where its own is no rectangle and no panels of such rows.
+
+    Parameters
+    ----------
+    case : Case
+        A case whose lattice has rows along x.
+
+    Returns
+    -------
+    Case
+        The case itself unless its lattice is oblique, or as for `by_vectors`.
+    """
+    vectors = row_vectors(*case.design.lattice.vectors_m)
+    return in_vectors(case, vectors) if vectors and (case.design.oblique_m or _is_in_one_cell(case)) else case
+
+
+def in_vectors(case: Case, vectors: Vectors) -> Case:
     """Return the case with another cell of its lattice.
 
     Parameters
@@ -270,9 +284,29 @@ def in_vectors(case: Case, vectors: tuple[tuple[float, float], tuple[float, floa
     Returns
     -------
     Case
-        With the same lattice.
+        With what is attached to the cell at its images there.
+
+    Raises
+    ------
+    InputError
+        For a disc that crosses a side of the cell.
     """
-    return replace(case, design=replace(case.design, stagger=False, oblique_m=vectors))
+    attached = tuple(replace(each, at_m=image_in(vectors, each)) for each in case.design.attached)
+    own, path = Lattice(*vectors), case.bands.path
+    if not {*labels_of(path)} <= {*own.high_symmetry}:
+        path = own.default_path
+    design = replace(case.design, stagger=False, oblique_m=vectors, attached=attached)
+    return replace(case, design=design, bands=case.bands.but(path=path))
+
+
+def _is_in_one_cell(case: Case) -> bool:
+    """Whether rows are shifted, and panels half a pitch wide cannot hold their pillars, or what is attached to a cell."""
+    design, pillar = case.design, case.design.pillar
+    if not design.stagger or case.solve.model == SOLID:
+        return False
+    if design.attached:
+        return True
+    return bool(pillar and _is_too_wide(design) and fits(shortest_vectors(*design.lattice.vectors_m), pillar))
 
 
 def _is_too_wide(design: Design) -> bool:

@@ -242,7 +242,7 @@ class Attenuation(
     Question[AttenuationResult],
     needs=("plate", "array.pitch_mm"),
     pictures=("report.gallery.attenuation",),
-    honours=(*OF_A_PLATE, CELL, ATTACHED),
+    honours=(*OF_A_PLATE, CELL, ATTACHED, OBLIQUE),
     at_own_frequencies=True,
 ):
     """Compute the attenuation per row in dB across the border of the zone, at a wavenumber along it.
@@ -303,10 +303,11 @@ class Attenuation(
 
     def plan(self, case: Case) -> Plan:
         from pipeline.models.own_frequency import at_middle
-        from pipeline.planning.model_choice import cell_model_choice, driven_band_hz
+        from pipeline.planning.model_choice import by_rows, cell_model_choice, driven_band_hz
 
         low, high = driven_band_hz(case, hz(self.band_kHz))
-        choice, kx = cell_model_choice(at_middle(case, (low, high)), high), self._kx(case)
+        case, kx = by_rows(case), self._kx(case)
+        choice = cell_model_choice(at_middle(case, (low, high)), high)
         span = " to ".join(map(simplifications.khz, (low, high)))
         looks = f"{self.points} frequencies from {span} at kx = {figure(kx)} rad/m"
         numbers = {"band_hz": [low, high], "frequencies": self.points, "kx_per_m": kx}
@@ -317,13 +318,13 @@ class Attenuation(
 
     def compute(self, case: Case, plan: Plan, run: Run) -> AttenuationResult:
         from pipeline.models.attenuation import solve
-        from pipeline.planning.model_choice import driven_band_hz
+        from pipeline.planning.model_choice import by_rows, driven_band_hz
         from solvers.analytic.predesign import predesign
 
         choice, band = plan.steps[0].choice, driven_band_hz(case, hz(self.band_kHz))
         assert choice
         kx, known = self._kx(case), run.solved.get("lattice")
-        solved = solve(case, choice, run, band, kx, self.points, run.meshes, known)
+        solved = solve(by_rows(case), choice, run, band, kx, self.points, run.meshes, known)
         zone = predesign(case.design).zone
         return AttenuationResult(**solved, zone_hz=zone.frequency_hz if zone else None)
 

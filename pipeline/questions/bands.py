@@ -479,7 +479,7 @@ class Bands(
 
 class SupercellBands(
     Bands, Question[BandsResult], instead_of="bands", by="supercell",
-    honours=(*OF_A_PLATE, DEFECTS, OBLIQUE),
+    honours=(*OF_A_PLATE, DEFECTS, ATTACHED, OBLIQUE),
 ):  # fmt: skip
     """Compute Bloch bands and gaps of a supercell of the case's own cells, some of them changed by `[[defect]]`.
 

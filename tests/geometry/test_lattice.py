@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
-from geometry.lattice import MIRRORS, Lattice, labels_of, shortest_vectors
+from geometry.lattice import MIRRORS, SAME, Lattice, labels_of, place_in_cell, row_vectors, shortest_vectors
 
 SQUARE, OBLONG = Lattice.of_rows(4e-3, 4e-3), Lattice.of_rows(3e-3, 4e-3)
 STAGGERED = [Lattice.of_rows(5e-3, pitch, staggered=True) for pitch in (4e-3, 2.5e-3, 2e-3)]
@@ -137,3 +137,31 @@ def test_a_turned_lattice_has_turned_points_and_an_equally_large_part_of_its_zon
         assert area(turned.irreducible(round_one)) == pytest.approx(area(plain.irreducible(own)))
         for label, place in plain.high_symmetry.items():  # as far from the middle, though along another of alike axes
             assert np.linalg.norm(turned.high_symmetry[label]) == pytest.approx(np.linalg.norm(place))
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "shift"),
+    [
+        ((5.0, 0.0), (2.5, 4.0), 2.5),
+        ((-2.5, 4.0), (2.5, 4.0), 2.5),
+        ((5.0, 0.0), (-11.2, 4.0), -1.2),
+        ((3.8, 4.0), (-1.2, 4.0), -1.2),
+    ],
+)
+def test_rows_of_a_lattice_are_the_same_from_any_two_vectors(
+    one: tuple[float, float], two: tuple[float, float], shift: float
+) -> None:
+    vectors = row_vectors(one, two)
+    assert vectors is not None and np.ravel(vectors) == pytest.approx([5.0, 0.0, shift, 4.0])
+    turns = np.array([one, two]) @ np.linalg.inv(np.array(vectors))
+    assert turns == pytest.approx(np.round(turns)) and abs(np.linalg.det(turns)) == pytest.approx(1.0)
+
+
+def test_a_disc_has_one_image_in_the_cell_and_none_across_a_side() -> None:
+    """A parallelogram 8 high whose leaning sides are 5 x 8 / |(6, 8)| = 4 apart holds discs up to a radius of 2."""
+    vectors = (5.0, 0.0), (6.0, 8.0)
+    assert place_in_cell(vectors, (0.3 + 5.0 + 12.0, 0.2 + 16.0), 1.0) == pytest.approx((0.3, 0.2))
+    assert place_in_cell(vectors, (0.0, 0.0), 2.0 - SAME) == pytest.approx((0.0, 0.0))
+    assert place_in_cell(vectors, (0.0, 0.0), 2.01) is None
+    assert place_in_cell(vectors, (1.95, 2.6), 1.5) is None  # the upper side
+    assert place_in_cell(vectors, (0.7, 0.0), 1.5) is None  # that to the right is 4 / 5 of a step along x nearer

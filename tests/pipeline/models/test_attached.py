@@ -15,10 +15,13 @@ from geometry.supports import Support
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.models.unit_cell import lattice_model
+from pipeline.planning.model_choice import by_vectors, cell_model_choice
 from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands, BandsResult
 from pipeline.questions.broadband import Broadband
 from pipeline.questions.question import Run, ask
+from solvers.accuracy.reduction import mesh_error
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.superelement.attached import with_attached
@@ -28,6 +31,7 @@ LOG = TerminalLog(True)
 PITCH_M, THICK_M = 20e-3, 0.5e-3
 ALLOY, DENSITY = MATERIALS["aluminium"].average, MATERIALS["aluminium"].density_kg_m3
 PLATE_KG = DENSITY * THICK_M * PITCH_M**2
+TRIANGULAR = {"pitch_mm": 1e3 * PITCH_M, "lattice": "triangular"}
 TONE_HZ = 1500.0  # of the resonator on a wall
 STIFF_N_M = 0.5 * PLATE_KG * (2.0 * np.pi * TONE_HZ) ** 2
 
@@ -156,8 +160,55 @@ def test_what_cannot_honour_it_refuses_it() -> None:
         InputError, match=r"solve.model = 'solid': must be auto or superelement for bands with \[cell\]"
     ):
         ask(case(aside, solve={"model": "solid"}), Bands(), Run(LOG))
-    with pytest.raises(InputError, match=r"cell.attached: missing, needs a square or rectangular lattice"):
-        case(aside, array={"pitch_mm": 20.0, "lattice": "triangular"})
+    with pytest.raises(
+        InputError, match=r"at_mm = \[10, 0\]: must not cross a side of the cell along \[20, 0\] and \[10, 17"
+    ):
+        case([{"at_mm": [10, 0], "mass_g": 0.1}], array=TRIANGULAR)
+    with pytest.raises(InputError, match=r"at_mm = .*: must lie on bare plate: the pillar takes 1 x 1 mm of it"):
+        case([{"at_mm": [10.0, 1e3 * HEIGHT_M], "mass_g": 0.1}], array=TRIANGULAR, pillar=pillar)
+
+
+HEIGHT_M = PITCH_M * np.sqrt(3.0) / 2.0  # of the rows of a triangular lattice
+
+
+def lattice_waves(scene: Case, places: FloatArray, count: int) -> list[tuple[FloatArray, FloatArray]]:
+    """Lowest waves at wavevectors (n, 2), Hz, and their relative bars."""
+    scene = by_vectors(scene)
+    model = lattice_model(scene, cell_model_choice(scene), places, LOG, [])
+    solved = [model.lattice.waves(k, count) for k in places]
+    by_mesh = (mesh_error(model.lattice.cell, each).half_width[:count] for each in solved)
+    bars = [one + two for one, two in zip(model.truncation(solved, count), by_mesh, strict=True)]
+    return [(each.frequency_hz, bar) for each, bar in zip(solved, bars, strict=True)]
+
+
+@pytest.mark.slow
+def test_resonators_of_a_triangular_lattice_move_plane_waves_and_its_rectangular_supercell() -> None:
+    """At general wavevectors: one resonator in a rhombus, two in a rectangle, and a thin plate's plane waves."""
+    keys = {"mass_g": 500.0 * PLATE_KG, "stiffness_N_per_m": STIFF_N_M}
+    places = np.array([[70.0, 40.0], [-35.0, 110.0]])
+    quarters = [1e3 * PITCH_M / 4.0, 1e3 * HEIGHT_M / 2.0]
+    pair = [{"at_mm": [sign * each for each in quarters], **keys} for sign in (-1.0, 1.0)]
+    wide = {"pitch_x_mm": 1e3 * PITCH_M, "pitch_y_mm": 2e3 * HEIGHT_M}
+    primitive = case([{"at_mm": [2.0, 1e3 * HEIGHT_M + 1.0], **keys}], array=TRIANGULAR)  # an image, in the next row
+    folded = np.vstack([places, places + np.array([0.0, np.pi / HEIGHT_M])])
+    ours = lattice_waves(primitive, folded, 4)
+    theirs = lattice_waves(case(pair, array=wide), places, 5)
+    for place, (hz, bar) in enumerate(theirs):
+        parts = [ours[place], ours[place + len(places)]]
+        order = np.argsort(np.concatenate([part[0] for part in parts]))[:5]
+        own, its = (np.concatenate([part[k] for part in parts])[order] for k in (0, 1))
+        assert (np.abs(hz / own - 1.0) <= bar + its).all() and (bar + its).max() < 0.06
+    stiff = ALLOY.young_pa * THICK_M**3 / 12.0 / (1.0 - ALLOY.poisson**2)
+    hung = Support("spring", radius_m=THICK_M / 2.0, mass_kg=0.5 * PLATE_KG, stiffness_n_m=STIFF_N_M)
+    plate = LoadedPlate(primitive.design.lattice, stiff, DENSITY * THICK_M, (hung,))
+    for k, (hz, bar) in zip(folded, ours, strict=True):
+        theory = plate.frequencies(k, 3, 8)
+        less = np.array([missed(tone, 0.5 * PLATE_KG) for tone in theory])
+        assert (hz[:3] / theory - 1.0 <= 0.5 * less + bar[:3]).all() and (
+            hz[:3] / theory - 1.0 >= -less - bar[:3]
+        ).all()
+    bare = LoadedPlate(primitive.design.lattice, stiff, DENSITY * THICK_M, ())
+    assert np.abs(bare.frequencies(places[0], 2, 8) / plate.frequencies(places[0], 2, 8) - 1.0).max() > 0.1
 
 
 @pytest.mark.slow

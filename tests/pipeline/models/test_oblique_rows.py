@@ -86,6 +86,28 @@ def test_cells_that_lean_otherwise_and_other_lattices_are_refused_in_one_line(tm
     assert len(fault.value.lines) == 1
 
 
+@pytest.mark.parametrize("array", [STAGGERED, OBLIQUE], ids=["staggered", "oblique"])
+def test_rows_of_a_parallelogram_stop_what_other_cells_of_the_lattice_stop(
+    array: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two panels half a pitch wide, or one parallelogram that leans to the other side: within the sum of the bars."""
+    scene, window = case(array, solve={"accuracy": 0.05}), WINDOW | {"band_kHz": (50.0, 55.0), "points": 3}
+    ours = ask(scene, Attenuation(**window), Run(LOG))
+    if array is STAGGERED:
+        monkeypatch.setattr("pipeline.planning.model_choice._is_in_one_cell", lambda _: True)
+    else:
+        monkeypatch.setattr("pipeline.planning.model_choice.row_vectors", lambda *_: ((5e-3, 0.0), (-3.8e-3, 4e-3)))
+    own = ask(scene, Attenuation(**window), Run(LOG))
+    assert any((point.db_per_row or 0.0) > 1.0 for point in ours.points)
+    for one, two in zip(ours.points, own.points, strict=True):
+        for level, its, bar, other in (
+            (one.db_per_row, two.db_per_row, one.db_error, two.db_error),
+            (one.taken_db, two.taken_db, one.taken_error_db, two.taken_error_db),
+        ):
+            assert None not in (level, its, bar, other)
+            assert abs(level - its) <= bar + other  # type: ignore[operator]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("lean_mm", [2.5, -2.5])
 def test_own_oblique_cells_have_the_decay_of_shifted_rows(lean_mm: float, tmp_path: Path) -> None:

@@ -87,8 +87,9 @@ def test_the_cell_that_is_repeated_is_one_of_the_lattice(kind: str) -> None:
 @pytest.mark.parametrize("size", [(2, 1), (1, 2)])
 @pytest.mark.parametrize("kind", LATTICES)
 def test_a_supercell_of_any_lattice_has_the_folded_bands(kind: str, size: tuple[int, int]) -> None:
-    """At general wavevectors; more waves are solved than compared, for what the reduction left out couples them."""
-    scene = in_one_cell(case(array=LATTICES[kind], **QUICK))
+    """At general wavevectors, with a spring-mass resonator next to each pillar; more waves are solved than compared."""
+    hung = {"attached": [{"at_mm": [1.7, 0.3], "mass_g": 0.02, "stiffness_N_per_m": 2e6}]}
+    scene = in_one_cell(case(array=LATTICES[kind], cell=hung, **QUICK))
     choice = cell_model_choice(scene)
     one = lattice_model(scene, choice, scene.path(1).corners, LOG, []).lattice
     joined, half = supercell(scene, choice, size, LOG), scene.design.lattice.reciprocal_per_m[size.index(2)] / 2.0
