@@ -43,21 +43,22 @@ from pipeline.case.schema import BandsTable, FingertipTable, SolveTable, Table, 
 from pipeline.case.several import check_placed
 from pipeline.case.supports import check_beside_patches, check_places, read_supports
 from pipeline.errors import InputError
-from pipeline.quantity import GRAM, MM, UM
+from pipeline.quantity import GRAM, MM, UM, figure
 from solvers.analytic.beams import antinodes, zone_mode
 from solvers.measures.confinement import target_symmetry
 from solvers.measures.radiation import Air
 
 MAX_LISTED = 3  # largest number of patches, or pairs of them, that a message names
 DISC = np.linspace(0.0, 2.0 * pi, 64, endpoint=False)  # corners of a polygon that stands for a disc
+PATCH = 0.6, 0.2  # size of a patch in an example, relative to a half-wavelength of the zone and to its width
 TOUCHING = 1e-9  # relative to the patch: boxes with a common edge do not overlap
 
 Override = str | tuple[str, Any]
 
 TABLE_EXAMPLES = {  # example of a rarely used table
-    "patches": ", such as --set \"patches={material='pz26', size_mm=[12.0, 3.0, 0.3]}\"",
-    "tolerance": ', such as --set "tolerance={height_mm=0.05}"',
-    "touch": ', such as --set "touch={radius_mm=5.0}"',
+    "patches": ", such as --set \"patches={{material='pz26', size_mm=[{length}, {width}, 0.3]}}\"",
+    "tolerance": ', such as --set "tolerance={{height_mm=0.05}}"',
+    "touch": ', such as --set "touch={{radius_mm=5.0}}"',
 }
 
 
@@ -183,11 +184,20 @@ class Case:
         lacking = [key for key in keys if key not in self.given]
         where = self.source if self.source is not None else self.name
         if lacking:
-            visible = [
-                (key if "." in key else f"[{key}]", f"{command} needs it{TABLE_EXAMPLES.get(key, '')}")
+            room = self._room_mm() if "zone" in self.given else {"length": "12", "width": "3"}
+            raise InputError(
+                f"{where}: {key if '.' in key else f'[{key}]'}: missing, {command} needs it"
+                f"{TABLE_EXAMPLES.get(key, '').format(**room)}"
                 for key in lacking
-            ]
-            raise InputError(f"{where}: {name}: missing, {why}" for name, why in visible)
+            )
+
+    def _room_mm(self) -> dict[str, str]:
+        """Size of a patch at every antinode, between the rows."""
+        design = self.design
+        return {
+            "length": figure(PATCH[0] * design.length_m / max(design.nodal_lines, 1) / MM),
+            "width": figure(PATCH[1] * design.width_m / MM),
+        }
 
     def require_plate(self, command: str = "this command") -> None:
         """Raise InputError unless the case has [plate], [zone] and, with pillars, array.rows."""

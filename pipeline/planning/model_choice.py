@@ -255,7 +255,7 @@ def by_vectors(case: Case) -> Case:
 
 
 def by_rows(case: Case) -> Case:
-    """Return the case with the oblique cell of one row along x, where its own is no rectangle and no panels of such rows.
+    """Return the case with the oblique cell of one row along x, where its own is oblique or panels cannot hold it.
 
     Parameters
     ----------

@@ -363,3 +363,14 @@ class TestStep:
             tmp_path, lambda cq: cq.Workplane().rect(2, 2).extrude(5).faces(">Z").workplane().rect(4.5, 4.5).extrude(1)
         )
         assert "pillars overlap: must exceed the pillar's footprint 4.5 mm" in line
+
+
+@pytest.mark.parametrize(
+    "name", ["studies/large-display.toml", "examples/small.toml", "examples/44-target-frequency.toml"]
+)
+def test_the_patch_that_a_message_proposes_fits_the_case(name: str) -> None:
+    file = CASE.parents[1] / name
+    with pytest.raises(InputError) as fault:
+        load_case(file).require("patches", command="response")
+    (words,) = re.findall(r'--set "(.*)"', str(fault.value))
+    assert load_case(file, [words]).patches
