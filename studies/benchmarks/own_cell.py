@@ -34,6 +34,7 @@ points = {points}
 count = {count}
 """
 MATERIAL = {"young_pa": 70e9, "poisson": 0.33, "density_kg_m3": 2700.0}
+ONE_THREAD = {"OMP_NUM_THREADS": "1"}  # a second one takes processor time and hardly shortens either program's
 MOVING_HZ = 1.0  # slower waves are translations, whose frequency is rounding
 COLUMNS = ("program", "degrees of freedom", "wall time, s", "processor, s", "peak memory, MB")
 
@@ -76,9 +77,10 @@ def compared(intervals: int, points: int, count: int) -> tuple[dict[str, tuple[i
         case, file = Path(folder, "case.toml"), Path(folder, "cell.msh")
         case.write_text(CASE.format(points=points, count=count))
         written(intervals, file)
-        own = ran("-m", "antinode", "bands", str(case), "--mesh-file", str(file), "--json", "-", "--quiet")
+        question = ("bands", str(case), "--mesh-file", str(file), "--json", "-", "--quiet")
+        own = ran("-m", "antinode", *question, environment=ONE_THREAD)
         words = ("-m", __spec__.name, "--scikit", *map(str, (intervals, points, count)))
-        other = ran(*words)
+        other = ran(*words, environment=ONE_THREAD)
     ours, theirs = json.loads(own.printed), json.loads(other.printed)
     one = np.array([point["computed_hz"] for point in ours["points"]])
     two = np.array(theirs["frequencies_hz"])

@@ -5,6 +5,7 @@ Both have the same boxes, graded towards singular edges as their users may grade
 
 from __future__ import annotations
 
+import gc
 import json
 import subprocess
 import sys
@@ -102,6 +103,7 @@ def nearest(stiffness: Any, mass: Any, count: int, near_hz: float) -> tuple[list
     )  # fmt: skip
     inverse = LinearOperator(stiffness.shape, matvec=factor.solve, dtype=stiffness.dtype)
     values, vectors = eigsh(stiffness, count, mass, sigma=sigma, OPinv=inverse)
+    gc.collect()  # ARPACK's object refers to itself, and would keep the factors of every wavevector
     return (np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)).tolist(), vectors
 
 
