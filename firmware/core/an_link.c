@@ -159,8 +159,7 @@ static uint32_t digest_of(const an_message *request)
 static bool is_repeated(const an_link *link, const an_message *request)
 {
     const an_last_request *last = &link->last;
-    return last->known && last->kind == request->kind && last->sequence == request->sequence &&
-           last->digest == digest_of(request);
+    return last->known && last->kind == request->kind && last->digest == digest_of(request);
 }
 
 static void remember(an_link *link, const an_message *request)

@@ -143,13 +143,3 @@ def test_a_capture_that_stands_still_is_told(tmp_path: Path, monkeypatch: pytest
     with pytest.raises(BoardError, match="stalled at 2 of 2048"):
         actions.capture(client, Namespace(file=tmp_path / "x.csv", every=1))
     assert not (tmp_path / "x.csv").exists()
-
-
-@pytest.mark.parametrize(("word", "value"), [("used", 2047), ("used", 2**32 - 2), ("row", 4096), ("row", 2**31)])
-def test_a_damaged_word_ends_the_capture_and_writes_nowhere(core, word: str, value: int) -> None:
-    capture, row = core.ffi.new("an_capture *"), core.ffi.new("uint16_t []", [7] * 3000)
-    core.lib.an_capture_init(capture, 1)
-    assert core.lib.an_capture_begin(capture, 1)
-    setattr(capture, word, value)
-    core.lib.an_capture_take(capture, row, row)
-    assert capture.every == 0 and not any(capture.words) and getattr(capture, word) == value

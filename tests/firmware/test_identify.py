@@ -299,6 +299,7 @@ def test_values_out_of_range_are_refused_by_the_board(core) -> None:
         {"every": 0},
         {"every": 40},
         {"settle": 0},
+        {"settle": 1025},
         {"frequency_hz": 1.5e5},
     ]:
         with pytest.raises(Refused, match="out of range"):

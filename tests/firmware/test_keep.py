@@ -117,6 +117,9 @@ def test_each_shape_has_its_own_matrix(core) -> None:
     assert again.lib.an_six_choose(again.app, 1) and not again.app.identified
     again.run(5e-3)
     assert backup.serve(again) == EMPTY and not again.app.identified
+    room = core.lib.AN_KEEP_BYTES
+    backup.memory[room : 2 * room] = backup.memory[0:room]
+    assert backup.after_reset(again) == REFUSED and not again.app.identified  # they are another shape's
     assert again.lib.an_six_choose(again.app, 0)
     again.run(5e-3)
     assert backup.serve(again) == READ and again.app.identified

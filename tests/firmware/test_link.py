@@ -26,7 +26,7 @@ class Linked:
         self.link = self.ffi.new("an_link *")
         self.samples = self.ffi.new("uint16_t []", [2048] * 6)
         self.duties = self.ffi.new("uint16_t []", 6)
-        self.single = name == "single"
+        self.single, self.stores = name == "single", True
         getattr(self.lib, f"an_{name}_boot")(self.app, self.table, len(table), rate_hz, 0)
         self.app.base.confirmed = True
         self.capture = self.ffi.new("an_capture *")
@@ -39,7 +39,7 @@ class Linked:
         for byte in data:
             self.lib.an_link_feed(self.link, byte)
             if self.link.store_target:
-                self.lib.an_link_stored(self.link, True)
+                self.lib.an_link_stored(self.link, self.stores)
             if self.link.out_length:
                 frame = bytes(self.link.out)[: self.link.out_length]
                 assert frame[-1] == 0 and frame.count(0) == 1
@@ -98,6 +98,50 @@ def test_a_capture_fills_its_room_and_stops(core, name, table, rate_hz, row: int
         linked.window()
     full = parse_captured(answer(linked, Kind.CAPTURED, struct.pack("<I", 0))[1:])
     assert full.used == full.total == 2048 // row * row and linked.capture.every == 0
+
+
+@pytest.mark.parametrize("chirp", [False, True])
+@pytest.mark.parametrize(("word", "value"), [("used", 2047), ("used", 2**32 - 2), ("row", 4096), ("row", 2**31)])
+def test_a_damaged_word_ends_the_capture_and_writes_nowhere(core, word: str, value: int, chirp: bool) -> None:
+    capture, row = core.ffi.new("an_capture *"), core.ffi.new("uint16_t []", [7] * 3000)
+    core.lib.an_capture_init(capture, 1)
+    assert core.lib.an_capture_begin(capture, 1)
+    if chirp:
+        core.lib.an_capture_begin_chirp(capture, 1)
+    setattr(capture, word, value)
+    if chirp:
+        core.lib.an_capture_take_response(capture, 3, row, row)
+    else:
+        core.lib.an_capture_take(capture, row, row)
+    assert capture.every == capture.begun == 0 and not any(capture.words) and getattr(capture, word) == value
+
+
+def test_a_capture_slower_than_a_second_is_refused(core) -> None:
+    linked = Linked(core, "single", SINGLE, 250e3)
+    for every, result in ((0, 2), (250001, 2), (250000, 0)):
+        assert answer(linked, Kind.CAPTURE, struct.pack("<I", every)) == bytes([result])
+
+
+def log(linked: Linked, windows: range) -> list[int]:
+    """Log windows; the numbers of those in the frame that waits for the line."""
+    for window in windows:
+        linked.lib.an_link_log(linked.link, linked.ffi.new("an_record *", {"window": window}))
+    frame = decode(bytes(linked.link.out)[: max(linked.link.out_length - 1, 0)])
+    return (
+        []
+        if frame is None
+        else [struct.unpack_from("<I", frame.payload, at)[0] for at in range(0, len(frame.payload), 24)]
+    )
+
+
+def test_a_log_that_meets_a_busy_line_keeps_its_oldest_records(core) -> None:
+    """Five of them; no log was asked for before, and none is sent."""
+    linked = Linked(core, "single", SINGLE, 250e3)
+    assert log(linked, range(8)) == []
+    linked.ask(encode(Message(Kind.LOG, 1, struct.pack("<I", 1))))
+    assert log(linked, range(20)) == [0, 1, 2, 3] and linked.link.log.length == 5 * 24
+    linked.link.out_length = 0
+    assert log(linked, range(20, 21)) == [4, 5, 6, 7, 8] and linked.link.log.length == 0
 
 
 def test_log_frames_hold_four_records_and_wait_for_the_line(core) -> None:
@@ -214,6 +258,41 @@ def test_what_another_session_asks_is_no_repetition(core, name, table, rate_hz, 
         linked.window()
         linked.window()
         assert supervisor.state == 3
+
+
+def test_a_request_is_repeated_in_kind_number_and_content(core) -> None:
+    """Whatever else carries the last one's number is another request; an echo of the board's own replies is none."""
+    linked = Linked(core, "single", SINGLE, 250e3)
+    linked.window()
+    sine = [encode(Message(Kind.SINE, 9, struct.pack("<ff", 20.0, depth))) for depth in (0.5, 2.0, 0.25)]
+    for frame, result, depth in ((sine[0], 0, 0.5), (sine[1], 2, 0.5), (sine[1], 2, 0.5), (sine[2], 0, 0.25)):
+        assert [reply.payload[0] for reply in linked.ask(frame)] == [result]
+        assert linked.app.base.texture.depth == depth
+    assert [reply.payload for reply in linked.ask(encode(Message(Kind.CLEAR, 9)))] == [b"\3"]
+    assert linked.ask(encode(Message(Kind.SINE | 0x80, 10, struct.pack("<ff", 20.0, 0.75)))) == []
+    assert linked.app.base.texture.depth == 0.25
+
+
+def test_pieces_of_a_table_fit_into_what_was_announced(core) -> None:
+    linked = Linked(core, "single", SINGLE, 250e3)
+    assert answer(linked, Kind.UPLOAD_END) == b"\2"
+    for announced, result in ((0, 2), (3681, 2), (60, 0)):
+        assert answer(linked, Kind.UPLOAD_BEGIN, struct.pack("<I", announced)) == bytes([result])
+    for at, count, result in ((0, 61, 2), (1, 10, 2), (0, 40, 0), (0, 40, 0), (30, 31, 2), (40, 21, 2), (10, 20, 0)):
+        assert answer(linked, Kind.UPLOAD_DATA, struct.pack("<I", at) + bytes(count)) == bytes([result]), (at, count)
+        assert linked.link.staged_length == (0 if result and at < 2 else 40)
+    assert answer(linked, Kind.UPLOAD_END) == b"\2"
+    assert answer(linked, Kind.UPLOAD_DATA, struct.pack("<I", 40) + bytes(20)) == b"\0"
+    assert answer(linked, Kind.UPLOAD_END) == bytes([4, core.lib.AN_TABLE_MAGIC])
+
+
+def test_a_table_that_the_flash_memory_did_not_take_is_told(core) -> None:
+    linked = Linked(core, "single", SINGLE, 250e3)
+    linked.stores = False
+    assert upload(linked, SINGLE) == b"\5"
+    assert answer(linked, Kind.UPLOAD_END) == b"\2"  # nothing is staged any more
+    linked.stores = True
+    assert upload(linked, SINGLE) == b"\0"
 
 
 @pytest.mark.parametrize(("name", "table", "rate_hz", "other"), BUILDS)

@@ -57,7 +57,8 @@ def test_noise_costs_what_its_share_of_the_peak_suggests(core) -> None:
 
 def test_responses_without_a_resonance_are_refused(core) -> None:
     assert fitted(core, np.zeros(POINTS, complex)) is None
-    assert fitted(core, np.full(POINTS, math.nan + 0j)) is None
+    for value in (math.nan, math.inf):
+        assert fitted(core, np.full(POINTS, value + 0j)) is None
     growing = one_mode(0.0, 3.04e-3, 1.0).conj()  # a pole on the other side: a motion that grows
     assert fitted(core, growing) is None
     flat = fitted(core, np.ones(POINTS, complex))

@@ -83,10 +83,11 @@ def test_beam_in_time_is_the_beam_in_frequency() -> None:
 def test_matrix_is_measured_one_actuator_at_a_time(hosted) -> None:
     board = hosted(table(tau_s=QUICK.slowest_s), QUICK)
     board.run(5e-3)
-    assert board.lib.an_six_start(board.app, 0, 0.0)
-    assert board.state == IDENTIFY
+    assert board.identify() and board.state == IDENTIFY
     board.run_while(IDENTIFY, 15.0)
-    assert board.state == RUN
+    board.run(5e-3)
+    assert board.state == IDLE and board.app.identified and list(board.duties) == [board.middle] * 6
+    assert board.lib.an_six_start(board.app, 0, 0.0) and board.state == RUN
     matrix = np.array([complex(z.re, z.im) for z in board.app.shaping.matrix]).reshape(6, 6)
     assert np.abs(matrix - seen_matrix(QUICK)).max() < 5e-3 * np.abs(seen_matrix(QUICK)).max()
     exact = np.linalg.norm(seen_matrix(QUICK)) * np.linalg.norm(np.linalg.inv(seen_matrix(QUICK)))

@@ -78,6 +78,24 @@ def test_stop_ends_a_measurement_and_does_nothing_at_rest(core, supervisor) -> N
     assert core.lib.an_supervisor_decide(supervisor, DWELL, 0, 1, 2e-4) == TO_REST and supervisor.state == IDLE
 
 
+@pytest.mark.parametrize("silent", [False, True])
+def test_no_retry_comes_without_the_host_that_started_the_job(core, supervisor, silent: bool) -> None:
+    """It heard nothing for half a second: the wait of a second ends without a clear."""
+    retry = core.ffi.new("an_retry *")
+
+    def decide(window: int) -> int:
+        if not silent:
+            supervisor.heard = window
+        return int(core.lib.an_retry_decide(retry, supervisor, window, 2e-4))
+
+    core.lib.an_supervisor_begin(supervisor, RUN)
+    core.lib.an_supervisor_bind_host(supervisor, 0)
+    assert decide(1) == 0
+    core.lib.an_supervisor_fail(supervisor, Fault.MISMATCH)
+    assert [decide(window) for window in (2, 2400, 5010)] == [0, 0, 0 if silent else 1]
+    assert retry.waits is False and retry.due is not silent
+
+
 class Button:
     """Pressed and let go by the time; keeps the orders."""
 

@@ -109,6 +109,55 @@ def test_refusals_are_told_apart(core) -> None:
     assert opened(core, layout.seal(data[:52] + struct.pack("<f", -1.0) + data[56:-4])) == lib.AN_TABLE_RANGE
 
 
+def header(**changes: int) -> bytes:
+    """A small table whose header says otherwise, sealed."""
+    body = bytearray(to_bytes(SMALL)[:-4])
+    for name, value in changes.items():
+        kind, at = wire.ROWS["header"].fields[name]
+        body[at : at + kind.itemsize] = value.to_bytes(kind.itemsize, "little")
+    return layout.seal(bytes(body))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"actuator_count": 0},
+        {"actuator_count": 7},
+        {"sensor_count": 0},
+        {"sensor_count": 7},
+        {"target": 1},
+        {"flags": 2},
+    ],
+)
+def test_a_header_out_of_range_is_refused(core, change: dict[str, int]) -> None:
+    assert opened(core, header()) == core.lib.AN_TABLE_OK
+    assert opened(core, header(**change)) == core.lib.AN_TABLE_RANGE
+
+
+def test_a_table_of_nothing_is_refused(core) -> None:
+    row = wire.ROWS["mode"].itemsize
+    body = bytearray(header(mode_count=0, total_bytes=len(to_bytes(SMALL)) - row)[:-4])
+    assert opened(core, layout.seal(bytes(body[:-row]))) == core.lib.AN_TABLE_RANGE
+
+
+def with_channels(actuators: int, sensors: int, row: int = 0) -> bytes:
+    """A shape's table of fewer channels, all of its numbers zero but for one of the matrix's rows."""
+    shape = Shape(2400.0, 0.03125, (Pattern("left", (0.0,) * 6),), matrix=((0.0,) * 6,) * 6)
+    body = bytearray(to_bytes(ModeTable(40e3, bytes(16), (), shapes=(shape,)))[:-4])
+    fields = wire.ROWS["header"].fields
+    body[fields["actuator_count"][1]], body[fields["sensor_count"][1]] = actuators, sensors
+    at = wire.ROWS["header"].itemsize + wire.ROWS["shape"].fields["matrix"][1] + 48 * row
+    body[at : at + 4] = struct.pack("<f", 0.5)
+    return layout.seal(bytes(body))
+
+
+def test_a_shape_has_as_many_actuators_as_sensors_and_zeros_beyond(core) -> None:
+    lib = core.lib
+    assert [opened(core, with_channels(*case)) for case in ((6, 6), (4, 4), (4, 4, 3), (4, 6), (6, 4), (4, 4, 4))] == [
+        lib.AN_TABLE_OK, lib.AN_TABLE_OK, lib.AN_TABLE_OK, lib.AN_TABLE_RANGE, lib.AN_TABLE_RANGE, lib.AN_TABLE_RANGE
+    ]  # fmt: skip
+
+
 SPECIAL = [struct.pack("<f", x) for x in (0.0, -1.0, 1.0, 1e-30, 1e30, float("nan"), float("inf"), -float("inf"))]
 
 

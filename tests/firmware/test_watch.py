@@ -18,8 +18,13 @@ def tone(n: int, frequency_hz: float = TONE_HZ) -> float:
     return SIZE * math.cos(2.0 * math.pi * frequency_hz / RATE_HZ * n)
 
 
-def detection_sample(core, signal: Signal, frequency_hz: float = TONE_HZ, samples: int = 4000) -> int | None:
-    """The sample after which a look finds a failed sensor; nothing is driven, so that only a plate that rings on is sound."""
+def detection_sample(
+    core, signal: Signal, frequency_hz: float = TONE_HZ, samples: int = 4000, pushed: float = 0.0
+) -> int | None:
+    """The sample after which a look finds a failed sensor.
+
+    pushed is what the drive adds between two looks, relative to the tone; without it, only a plate that rings on is sound.
+    """
     ffi, lib = core
     fast, plan, watch, mode = (ffi.new(f"{name} *") for name in ("an_fast", "an_watch_plan", "an_watch", "an_mode"))
     step = lib.an_dds_step(frequency_hz, RATE_HZ)
@@ -31,8 +36,12 @@ def detection_sample(core, signal: Signal, frequency_hz: float = TONE_HZ, sample
     for n in range(samples):
         fast.command.count = fast.window.count
         lib.an_fast_tick(fast, adc_code(signal(n)))
+        if n < FAILS_AT:
+            drive = pushed * complex(watch.seen[0].re, watch.seen[0].im) / complex(plan.push.re, plan.push.im)
+        fast.drive.re, fast.drive.im = drive.real, drive.imag
         if n % lib.AN_WATCH_TICKS == 0 and lib.an_watch_look(watch, plan, fast, 0.0):
             return n
+        fast.drive.re = fast.drive.im = 0.0
     return None
 
 
@@ -66,5 +75,13 @@ def test_what_a_plate_may_do_is_no_failure(core, signal: Signal) -> None:
     assert detection_sample(core, signal) is None
 
 
-def test_of_a_tone_too_low_for_a_look_nothing_is_decided(core) -> None:
-    assert detection_sample(core, lambda n: 0.0 if n > FAILS_AT else tone(n, 12e3), 12e3) is None
+@pytest.mark.parametrize(("pushed", "fails"), [(0.0, True), (2.0, True), (-2.0, False)])
+def test_a_plate_that_its_drive_may_have_turned_round_is_no_reversed_sensor(core, pushed: float, fails: bool) -> None:
+    detected = detection_sample(core, lambda n: tone(n) if n < FAILS_AT else -tone(n), pushed=pushed)
+    assert (detected is not None) == fails
+
+
+@pytest.mark.parametrize("low_hz", [8e3, 12e3])
+def test_of_a_tone_too_low_for_a_look_nothing_is_decided(core, low_hz: float) -> None:
+    """Neither its cosine nor its sine, or the cosine alone."""
+    assert detection_sample(core, lambda n: 0.0 if n > FAILS_AT else tone(n, low_hz), low_hz) is None

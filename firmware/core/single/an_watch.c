@@ -56,8 +56,8 @@ void an_watch_prepare(an_watch_plan *plan, const an_mode *mode, an_complex lead,
     }
     orthogonalise(plan->cosine, even);
     orthogonalise(plan->sine, odd);
-    const bool cosine_fits = normalise(plan->cosine);
-    const bool fits = normalise(plan->sine) && cosine_fits;
+    const bool sine_fits = normalise(plan->sine);
+    const bool fits = normalise(plan->cosine) && sine_fits;
     const float full_scale = (float)AN_ADC_MIDDLE / (float)AN_DAC_SWING;
     const float looks_s = 2.0f * (float)AN_WATCH_TICKS / sample_rate_hz;
     plan->push = an_scale(an_conj(lead), an_abs(mode->gain) / mode->tau_s * looks_s * full_scale);

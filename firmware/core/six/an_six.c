@@ -305,8 +305,8 @@ void an_six_boot(an_six *app, const uint8_t *table, uint32_t length, float sampl
     if (accepted) {
         read_shape(app, 0u);
     }
-    const bool ready = an_six_slow_init(&app->slow, &app->fast, app->step, app->window) && accepted;
-    an_application_boot(&app->base, sample_rate_hz, ready ? faults : faults | AN_FAULT_TABLE);
+    an_six_slow_init(&app->slow, &app->fast, app->step, app->window);
+    an_application_boot(&app->base, sample_rate_hz, accepted ? faults : faults | AN_FAULT_TABLE);
 }
 
 bool an_six_choose(an_six *app, uint32_t shape)
@@ -488,16 +488,16 @@ static void identify(an_application *base)
     if (base->supervisor.state != AN_STATE_IDENTIFY) {
         return;
     }
-    if (app->probe == app->channels && !app->checking) {
+    if (app->probe == app->channels) {
         end_columns(app);
     }
     if (base->supervisor.state != AN_STATE_IDENTIFY) {
         return;
     }
-    if (app->probed_s + dwell_s(app) > AN_IDENTIFY_MAX_S) {
+    if (app->probed_s + dwell_s(app) > AN_IDENTIFY_MAX_S || !post_dwell(app)) {
         fail(app, AN_FAULT_IDENTIFY);
     } else {
-        app->probing = post_dwell(app) ? 1u : 0u;
+        app->probing = 1u;
     }
 }
 

@@ -22,7 +22,8 @@
 #define AN_GROWN_FLOOR2 2.5e-5f   /* squared: smallest error to judge ... */
 #define AN_GROWN_LARGEST2 0.01f   /* ... plus this of the largest target */
 
-bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window)
+/* A window of two periods or more can measure any tone that a table may have. */
+void an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window)
 {
     an_clear(slow, sizeof *slow);
     an_six_fast_init(fast, step, window);
@@ -30,7 +31,9 @@ bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint3
     slow->jobs[0].step = step;
     slow->jobs[0].window = window;
     slow->jobs[0].channels = AN_SIX;
-    return an_demod_plan(&slow->jobs[0].demod, step, window, 1.0f / (float)AN_SIX_ADC_MIDDLE);
+    const bool measurable = an_demod_plan(&slow->jobs[0].demod, step, window, 1.0f / (float)AN_SIX_ADC_MIDDLE);
+    AN_ASSERT(measurable);
+    (void)measurable;
 }
 
 an_six_job *an_six_slow_vacant(an_six_slow *slow)

@@ -65,8 +65,8 @@ typedef struct {
 
 enum { AN_SIX_DOUBT = 4, AN_SIX_DOUBTS_MAX = 2 * AN_SIX_DOUBT };
 
-/* Start at rest with a phase step and window. Returns false if the step cannot be demodulated in such a window. */
-bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window);
+/* Start at rest with a phase step and window. */
+void an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window);
 
 /* Return the job to prepare next, or NULL while the last one waits to be taken over. */
 an_six_job *an_six_slow_vacant(an_six_slow *slow);
