@@ -141,18 +141,21 @@ def describe(found: Matrix) -> str:
     )
 
 
+KEPT = "nothing is started, but the board keeps the matrix: `identify` measures again, `pattern 0 REFERENCE` starts it anyway"
+
+
 def judge(found: Matrix) -> None:
-    """Raise BoardError unless the matrix is fit to hold a pattern with."""
+    """Raise BoardError unless the matrix is fit to hold a pattern with; the board keeps it all the same."""
     if found.coherent < COHERENCE_LEAST:
         raise BoardError(
             f"identify: coherence {found.coherent:.2f}, at least {COHERENCE_LEAST:g} needed: keep hands off the plate; raise "
-            "the gain of the conditioners or the drive limit"
+            f"the gain of the conditioners or the drive limit; {KEPT}"
         )
     if found.phase_deg < PHASE_LEAST_DEG or found.gain_db < GAIN_LEAST_DB:
         raise BoardError(
             f"identify: the errors of the matrix leave {found.phase_deg:.0f} deg and {found.gain_db:.1f} dB of margin, "
             f"{PHASE_LEAST_DEG:g} deg and {GAIN_LEAST_DB:g} dB needed (condition {found.status.condition:.3g}): choose a "
-            "frequency farther from a resonance, or move a sensor"
+            f"frequency farther from a resonance, or move a sensor; {KEPT}"
         )
 
 

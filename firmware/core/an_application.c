@@ -129,6 +129,9 @@ void an_application_poll(an_application *app, const an_build *build)
 {
     const an_moment now = build->moment(app);
     if (!now.vacant) {
+        if (!an_supervisor_is_sound(&app->supervisor)) {
+            build->trip(app, AN_FAULT_MEMORY);
+        }
         return;
     }
     const float passed_s = (float)(now.window - app->looked) / now.window_hz;

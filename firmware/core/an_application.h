@@ -78,7 +78,7 @@ typedef struct an_build {
 void an_application_boot(an_application *app, float sample_rate_hz, uint32_t faults);
 
 /* One pass of the main loop. Decisions are postponed while a posted job has not been taken over; the slow step acts on
- * faults by itself, and acts first. */
+ * faults by itself, and acts first. A damaged state sets the outputs to rest in between. */
 void an_application_poll(an_application *app, const an_build *build);
 
 /* True if a start would be accepted. */

@@ -66,6 +66,10 @@ def test_the_page_has_these_figures(compiler, request) -> None:
         assert published(row, COLUMNS[name]) == pytest.approx(own, rel=0.01)
 
 
+def test_the_manual_is_short() -> None:
+    assert len((PAGE.parent.parent / "bring-up.md").read_text().splitlines()) <= 150
+
+
 def version_of(name: str) -> str:
     command = [sys.executable, "-m", "ziglang", "version"] if name == "zig" else [name, "-dumpfullversion"]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()

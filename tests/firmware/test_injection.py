@@ -16,7 +16,7 @@ from firmware.closed_loop import held_plate
 from firmware.emulate.plant import Beam, measured_table
 from firmware.injection import SIX_WORDS, WORDS
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
-from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN
+from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
 from tests.helpers.hosted_boards import HostedSix, Rig, restore, save
 
 
@@ -227,6 +227,20 @@ def six(core):
         assert board.state == state
         boards.append(board)
     return boards
+
+
+@pytest.mark.parametrize("word", ["state", "inverse"])
+def test_a_damaged_state_is_found_while_a_job_waits(six, word: str) -> None:
+    """The main loop decides nothing then, for up to a window of 1.25 ms: outputs rest within 100 us all the same."""
+    board = six[1]
+    with board.undone():
+        while board.lib.an_handover_vacant(board.ffi.addressof(board.app.slow.hand)):
+            board.tick()
+        flip(board.app, f"base.supervisor.{word}", 2)
+        board.run(100e-6)
+        assert board.at_rest
+        board.run(5e-3)
+        assert board.state == FAULT and board.faults == Fault.MEMORY and board.at_rest
 
 
 @pytest.mark.parametrize("word", SIX_WORDS)

@@ -107,6 +107,19 @@ def test_the_board_stands_what_the_margins_say(core, turn_deg: float, gain_db: f
     assert np.abs(board.measured - 0.05).max() < 0.1 * 0.05
 
 
+def test_a_refused_matrix_leaves_ways_to_go_on(core, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those that the line names: measure again, or start all the same."""
+    board, client = board_of(QUICK)
+    monkeypatch.setattr(matrix, "PHASE_LEAST_DEG", 90.0)
+    for _ in range(2):
+        with pytest.raises(BoardError, match="`identify` measures again, `pattern 0 REFERENCE` starts it"):
+            matrix.judge(measured(board, client))
+        assert client.status().state == "idle"
+    client.pattern(0, 0.05)
+    board.run(0.4)
+    assert client.status().state == "run" and np.abs(board.measured - 0.05).max() < 0.1 * 0.05
+
+
 @pytest.mark.parametrize(("field", "words"), [("coherence", "coherence 0.50, at least 0.9"), ("misfit", "margin")])
 def test_a_matrix_unfit_to_hold_is_refused_in_one_line(core, field: str, words: str) -> None:
     board, client = board_of(QUICK)
