@@ -54,7 +54,8 @@ FEATURES = {
     ),
     SUPPORTS: Feature(
         lambda case: SUPPORTS if case.design.supports else "",
-        "must be left out: {} supports free plates only (modes, response, touch, tolerance and search support any)",
+        "must be left out: {} supports free plates only (modes, response, touch, crosstalk, tolerance, drift and search "
+        "support any)",
     ),
     STRESS: Feature(
         lambda case: f"{STRESS} = {case.solve.temperature_C:g}" if case.design.is_stressed else "",
