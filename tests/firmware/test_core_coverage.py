@@ -1,4 +1,4 @@
-"""The floor below which no change may take the share of the core's branches that the tests on this machine go through."""
+"""No branch of the core without a test on this machine that takes it."""
 
 from __future__ import annotations
 

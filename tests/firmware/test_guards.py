@@ -113,6 +113,13 @@ def test_the_status_tells_of_retries_and_eased_drives(linked, field: str, value:
     assert parse(kind, answer(linked, Kind.STATUS)[1:]).flags == before | flag != before
 
 
+def test_the_status_tells_of_a_drive_at_its_limit(running) -> None:
+    kind = SingleStatus if running.single else SixStatus
+    for limited in (0, 1):
+        corrupt(running, "track.limited" if running.single else "slow.limited", limited)
+        assert parse(kind, answer(running, Kind.STATUS)[1:]).limited == bool(limited)
+
+
 def test_a_board_without_a_table_says_so_and_keeps_nothing(core) -> None:
     linked = Linked(core, "single", KNOWN_SINGLE[:-1] + b"\0", 250e3)
     assert linked.app.base.supervisor.faults == Fault.TABLE

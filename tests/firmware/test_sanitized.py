@@ -13,7 +13,15 @@ import pytest
 HERE = Path(__file__).parent
 ACCESSES, NUMBERS = "address,undefined", "float-cast-overflow,float-divide-by-zero"
 PARSERS = ["test_frame.py", "test_table_reader.py", "test_texture.py", "test_link.py", "test_sine.py", "test_demod.py"]
-ALL = [*PARSERS, "test_pi.py", "test_resonance.py", "test_loop_on_host.py", "test_six.py"]
+ALL = [
+    *PARSERS,
+    "test_pi.py",
+    "test_resonance.py",
+    "test_sweep.py",
+    "test_guards.py",
+    "test_loop_on_host.py",
+    "test_six.py",
+]
 
 
 def flags(checks: str) -> str:
