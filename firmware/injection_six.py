@@ -1,8 +1,8 @@
 """Rows of `python -m firmware.injection` that firmware.injection_jobs has for one mode, for six channels on this machine.
 
-A finger leaves a held pattern, or all modes begin to soften or stiffen; a sensor fails while a retry brings the pattern
-up; a hand stays through all retries; faults, clipped sensors and flipped bits come while the matrix is measured. The
-beam rings for a third of the time of the standard one.
+A finger leaves a held pattern, or all modes begin to soften or stiffen; a sensor fails during a retry; a hand stays
+through all retries; faults, clipped sensors and flipped bits come while the matrix is measured. The beam rings for a
+third of the time of the standard one.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from firmware.emulate.plant import Beam, Structure, measured_table
 from firmware.host.hosted import HostedSix
 from firmware.injection_jobs import DAMPED, LIFT_STEPS, LIFTED_MOST, LIFTED_S, NEAR, STIFFER
-from firmware.injection_rig import FLIPPED_FURTHER, SIX_WORDS, TRIPS, Row, bits_of
+from firmware.injection_rig import FLIPPED_FURTHER, FURTHER, SIX_WORDS, TRIPS, Row, bits_of
 from firmware.injection_trials import Trial, break_one_of_six, breaking, flipping, image_rows
 from firmware.mode_table import ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, fault_names
@@ -27,9 +27,7 @@ LEVEL, STRIDE = 0.1, 17
 FINGER_M, ADDED = 0.06, 0.1  # where a finger rests, and its mass over the beam's
 FOLLOWED, TRIED = 12.0, 60.0  # time constants: a change, a try under a hand
 HEAVY, RINGING = 100.0, 60.0  # times the damping, of a beam of a quality factor that leaves every mode a frequency
-# Time constants until a sensor that fails as the pattern comes up must be found, and its place's motion over the level by
-# then: its integral adds 0.3 of the error per time constant, for up to eight; of a reversed one the error grows as well.
-FAILED = {"dead": (40.0, 1.0 + 0.3 * 8.0), "stuck": (40.0, 1.0 + 0.3 * 8.0), "reversed": (20.0, 8.0)}
+FOUND = 8.0  # time constants until the check of a retry has found a failed sensor
 
 
 def _board(table: bytes, beam: Beam) -> HostedSix:
@@ -143,27 +141,26 @@ def retrying() -> HostedSix:
 
 def retry_rows(moments: int, stride: int) -> Iterator[Row]:
     """Yield rows of sensors that fail during a retry, and of a hand that stays."""
-    for how in FAILED:
+    for how in ("dead", "stuck", "reversed"):
         yield retry_row(how, moments, stride)
     yield hand_row(max(moments // 20, 1), stride)
 
 
 def retry_row(how: str, moments: int, stride: int) -> Row:
-    """Row of a sensor that fails while a retry brings the pattern up."""
-    board = retrying()
-    patience, most = FAILED[how]
+    """Row of a sensor that fails while a retry checks the plate."""
+    board, found_s = retrying(), FOUND * BEAM.slowest_s
     latched, late, moved, drive = 0, 0.0, 0.0, 0.0
     for _ in _moments(board, moments, stride):
         break_one_of_six(board, how)
         ticks = 0
-        while not (board.fast.faults and board.at_rest) and ticks < patience * BEAM.slowest_s * board.sample_rate_hz:
+        while not (board.fast.faults and board.at_rest) and ticks < found_s * board.sample_rate_hz:
             peak, driven = _follow(board, board.sample_s)
             moved, drive, ticks = max(moved, peak), max(drive, driven), ticks + 1
         board.run(5e-3)
-        latched += board.state == FAULT and board.at_rest and moved <= most
+        latched += board.state == FAULT and board.at_rest and moved <= FURTHER
         late = max(late, ticks * board.sample_s)
     what = f"six channels: sensor {how}, during a retry"
-    return Row(what, moments, latched, 0, late, patience * BEAM.slowest_s, (drive, drive, moved))
+    return Row(what, moments, latched, 0, late, found_s, (drive, drive, moved))
 
 
 def hand_row(moments: int, stride: int) -> Row:

@@ -76,7 +76,7 @@ def test_six_channels_end_as_they_should_at_many_moments(core) -> None:
     rows = list(injection_six.rows(0.25))
     for row in rows:
         assert row.moments and row.is_sound, row.text
-    assert len(rows) == 3 + len(injection_six.FAILED) + 1 + len(injection_rig.TRIPS) + 2
+    assert len(rows) == 3 + 3 + 1 + len(injection_rig.TRIPS) + 2
     assert rows[-1].latched and rows[-1].held
 
 
@@ -85,7 +85,7 @@ def test_six_channels_that_leave_their_level_are_not_taken_for_held(core, monkey
     monkeypatch.setattr(injection_six, "LIFTED_MOST", 1.0)
     assert not injection_six.lift_row(1, 17).is_sound
     assert not injection_six.softening_row("softens", 30.0, 1, 17).is_sound
-    monkeypatch.setitem(injection_six.FAILED, "dead", (1.0, 3.4))
+    monkeypatch.setattr(injection_six, "FOUND", 1.0)
     assert not injection_six.retry_row("dead", 1, 17).is_sound
 
 

@@ -313,7 +313,7 @@ def test_an_outlier_of_the_noise_does_not_stop_the_check(hosted, sign: float) ->
 
 
 def test_a_plate_that_moves_again_is_driven_again(hosted) -> None:
-    """A second after the fault, at the same pattern and level; nobody clears it."""
+    """A second after the fault and a check, at the same pattern and level; nobody clears it."""
     board = running(hosted)
     pattern, reference = board.app.pattern, board.app.target_reference
     broken(board, 4, lambda level: 0.0)
@@ -321,9 +321,26 @@ def test_a_plate_that_moves_again_is_driven_again(hosted) -> None:
     vars(board).pop("sense")
     board.run(0.9)
     assert board.state == FAULT and list(board.duties) == [board.middle] * 6
-    board.run(0.3)
+    board.run(0.1 + 8.0 * BEAM.slowest_s)
     assert board.state == RUN and board.faults == 0
     assert (board.app.pattern, board.app.target_reference) == (pattern, reference)
+
+
+@pytest.mark.parametrize("sign", [0.0, -1.0], ids=["dead", "reversed"])
+def test_a_retry_without_a_sensor_moves_the_plate_no_further(hosted, sign: float) -> None:
+    """It ends as the mismatch that it is, at the low level of the check, and T stays."""
+    board = running(hosted)
+    broken(board, 4, lambda level: sign * level)
+    board.run_while(RUN, 3.0)
+    board.run_while(FAULT, 1.1)
+    board.run(5e-3)
+    assert board.state == IDENTIFY and board.app.checking
+    largest = 0.0
+    while board.state == IDENTIFY:
+        board.tick()
+        largest = max(largest, np.abs(board.beam.pull @ board.beam.state.imag).max())
+    assert board.state == FAULT and board.faults == Fault.MISMATCH
+    assert largest < 0.11 and board.app.base.measured == 0 and board.app.identified == 1
 
 
 @pytest.mark.parametrize("channel", [0, 4])

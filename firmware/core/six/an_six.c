@@ -452,7 +452,8 @@ static float error2_of(const an_six *app)
     return largest2;
 }
 
-/* Drive with the known values if they agree with the plate; otherwise measure them again. */
+/* Drive with the known values if they agree with the plate; otherwise measure them again. After a mismatch, it is the
+ * sensors that may have failed, or a hand that stays. */
 static void end_check(an_six *app)
 {
     const float error2 = error2_of(app);
@@ -463,6 +464,8 @@ static void end_check(an_six *app)
         app->base.confirmed = true;
         app->checking = false;
         begin_run(app);
+    } else if (app->base.retry.used > 0u) {
+        fail(app, AN_FAULT_MISMATCH);
     } else {
         begin_identify(&app->base);
     }
@@ -657,9 +660,11 @@ static bool fades(an_application *base)
     return false;
 }
 
+/* A retry checks the plate at a low level first. */
 static bool restart(an_application *base)
 {
     an_six *app = (an_six *)base;
+    base->confirmed = false;
     const float target = app->target_reference > 0.0f ? app->target_reference : AN_NO_REFERENCE;
     return an_six_start(app, app->pattern, app->half_reach ? 0.0f : target);
 }
