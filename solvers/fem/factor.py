@@ -61,6 +61,8 @@ FILLED = 10.0
 ANALYSIS_BYTES = 60  # measured peak of the analysis per entry of the matrix
 COPY_BYTES = 30  # bytes of it still in memory, per entry, while the factor is made; rslab's own plan leaves it out
 
+AT_ONCE = 24  # columns that rslab solves at once: more of them take longer each, and twelve times their own memory
+
 # How long rslab's allocator keeps free pages for the next factor, ms; it reads this when rslab is first imported.
 os.environ.setdefault("MIMALLOC_PURGE_DELAY", "1000")
 
@@ -210,11 +212,16 @@ class Rslab:
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solution of A x = right, for (n,) or (n, k)."""
-        right = np.ascontiguousarray(right)
 
         def solution(own: Any) -> FloatArray:
             # a copy in memory of numpy's own
-            return np.array(own.solve(right) if right.ndim == 1 else own.solve_many(right))
+            if right.ndim == 1:
+                return np.array(own.solve(np.ascontiguousarray(right)))
+            out = np.empty(right.shape)
+            for first in range(0, right.shape[1], AT_ONCE):
+                columns = slice(first, first + AT_ONCE)
+                out[:, columns] = own.solve_many(np.ascontiguousarray(right[:, columns]))
+            return out
 
         return self._factor.use(solution)
 

@@ -102,22 +102,25 @@ def sampled_lattice(
 class _Sampling:
     """A reduced cell, its shapes on the mesh, the factor of its clamped interior, and the waves sampled so far.
 
-    inner: vectors of the interior that samples added, K-orthonormal; free: the samples' free degrees of freedom.
+    shapes: those of the boundary functions and fixed-interface modes, and for each sample those of the interior that it added;
+    inner: all of the latter, K-orthonormal; free: the samples' free degrees of freedom.
     """
 
     def __init__(self, system: System, interface: Interface, count: int, edges_m: FloatArray | None) -> None:
         self.system, self.count = system, count
         builder = CellBuilder(system, interface, (), (), edges_m)
-        self.clamped = builder.clamp({})
-        shared = Shared(self.clamped.factorise, self.clamped.factor)
-        lowest = modes_near(self.clamped.sector.pencil, 0.0, MODES * count, shared)
-        self.shapes = np.hstack([self.clamped.shapes, self.clamped.sector.spread(lowest.vectors)])
-        none, tones = np.zeros((self.clamped.basis.shape[1],) * 2), lowest.frequency_hz
-        part = SymmetryClass({}, self.clamped.basis, self.shapes, tones, float(tones[-1]), none)
+        clamped = builder.clamp({})
+        self.sector, self.factor = clamped.sector, clamped.factor
+        lowest = modes_near(self.sector.pencil, 0.0, MODES * count, Shared(clamped.factorise, self.factor))
+        self.shapes = [np.hstack([clamped.shapes, self.sector.spread(lowest.vectors)])]
+        basis, tones = clamped.basis, lowest.frequency_hz
+        del clamped  # its shapes are held twice
+        none = np.zeros((basis.shape[1],) * 2)
+        part = SymmetryClass({}, basis, self.shapes[0], tones, float(tones[-1]), none)
         self.cell = builder.join([part])
         builder.check(self.cell)
         self.lattice = ReducedLattice(self.cell)
-        self.inner = np.empty((self.clamped.sector.pencil.dof, 0))
+        self.inner = np.empty((self.sector.pencil.dof, 0))
         self.free = np.empty((self.lattice.dof, 0))
 
     def reduced(self, sampled: FloatArray, checked: FloatArray, allowed: float) -> tuple[SampledLattice, float]:
@@ -141,11 +144,16 @@ class _Sampling:
         """Largest relative error of a moving wave's frequency at a wavevector, to first order."""
         values, vectors = condensed.solve(k, self.count + SPARE)
         turn = np.exp(1j * self.lattice.offset @ (condensed.vectors_m @ k))[:, None]
-        motion = times(self.shapes, turn * times(basis, vectors)[self.lattice.column])
+        motion = self._motion(turn * times(basis, vectors)[self.lattice.column])
         rises = bounds.rises(k, motion, values, self.count)
         values = values[: self.count]
         moving = values > STILL**2 * values[-1]
         return float((rises[moving] / (2.0 * values[moving])).max(initial=0.0))
+
+    def _motion(self, dofs: ComplexArray) -> ComplexArray:
+        """Motion of every node (3n, k) by the cell's degrees of freedom."""
+        ends = np.cumsum([own.shape[1] for own in self.shapes])
+        return np.asarray(sum(map(times, self.shapes, np.split(dofs, ends[:-1]))))
 
     def _condensed(self, wavevectors: FloatArray) -> tuple[SampledLattice, FloatArray]:
         """The lattice over the real and imaginary parts of the waves sampled so far and at some wavevectors, and its basis."""
@@ -166,18 +174,18 @@ class _Sampling:
     def _left(self, waves: Waves) -> tuple[FloatArray, FloatArray]:
         """Loads (free, 2n) that real and imaginary parts of moving waves leave inside, and their eigenvalues (2n,)."""
         moving = waves.eigenvalue > STILL**2 * waves.eigenvalue[-1]
-        wave = times(self.shapes, waves.dofs[:, moving])
+        wave = self._motion(waves.dofs[:, moving])
         motion = np.hstack([wave.real, wave.imag])
         value = np.tile(waves.eigenvalue[moving], 2)
         left = self.system.stiffness @ motion - on_components(self.system.mass, motion) * value
-        return self.clamped.sector.restrict(left), value
+        return self.sector.restrict(left), value
 
     def _enrich(self, samples: list[Waves]) -> None:
         """Join further vectors of the interior, K-orthonormal, to the cell's fixed-interface modes."""
-        sector, factor, cell = self.clamped.sector, self.clamped.factor, self.cell
+        sector, cell = self.sector, self.cell
         left, value = (np.concatenate(parts, axis=-1) for parts in zip(*map(self._left, samples), strict=True))
-        first = factor.solve(left) / np.sqrt(value)
-        second = factor.solve(sector.pencil.apply_mass(first)) * value
+        first = self.factor.solve(left) / np.sqrt(value)
+        second = self.factor.solve(sector.pencil.apply_mass(first)) * value
         both = np.hstack([first, second])
         both -= self.inner @ (self.inner.T @ (sector.pencil.stiffness @ both))
         strength, turn = eigh(both.T @ (sector.pencil.stiffness @ both))
@@ -186,8 +194,9 @@ class _Sampling:
         self.inner = np.hstack([self.inner, inner])
         field = sector.spread(inner)
         heavy = on_components(self.system.mass, field)
-        mass = np.block([[cell.mass, self.shapes.T @ heavy], [heavy.T @ self.shapes, field.T @ heavy]])
-        self.shapes = np.hstack([self.shapes, field])
+        coupling = np.vstack([own.T @ heavy for own in self.shapes])
+        mass = np.block([[cell.mass, coupling], [coupling.T, field.T @ heavy]])
+        self.shapes.append(field)
         self.cell = replace(
             cell, stiffness=block_diag(cell.stiffness, np.eye(inner.shape[1])), mass=mass,
             fixed_hz=np.append(cell.fixed_hz, np.full(inner.shape[1], inf)),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
@@ -31,6 +31,7 @@ from solvers.superelement.symmetry import DiagonalSector, diagonal_mirror
 from solvers.threads import one_thread
 
 SAME = 1e-6  # of the thickness: one place
+AT_ONCE = 96  # shapes whose fields are held twice
 
 Coarser = Callable[
     [Cell, "CellBuilder", "list[SymmetryClass]"], Cell
@@ -246,17 +247,18 @@ class CellBuilder:
     def clamp(self, signs: dict[int, int], half: int = 0) -> ClampedBoundaryClass:
         """The constraint shapes of one symmetry class, or of its half under x <-> y: K_II Psi = -K_IB P."""
         sector, basis = self._sector(signs, half), self.interface.parity_basis(signs, half)
-        boundary = self._at_boundary(basis)
+        shapes = self._at_boundary(basis)
         factorise, pencil = Factoriser(), sector.pencil  # one symbolic analysis serves the shifted matrices too
         # stored zeros dropped, as in every shifted matrix
         factor = factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
-        shapes = boundary - sector.spread(factor.solve(sector.restrict(self._pull(boundary))))
+        for own in _blocks(shapes):
+            shapes[:, own] -= sector.spread(factor.solve(sector.restrict(self._pull(shapes[:, own]))))
         if not self.system.grounded:
-            shapes = self._moved_rigidly(basis, shapes)
+            self._move_rigidly(basis, shapes)
         return ClampedBoundaryClass(basis, shapes, sector, factorise, factor)
 
-    def _moved_rigidly(self, basis: FloatArray, shapes: FloatArray) -> FloatArray:
-        """Constraint shapes (3n, m) that follow a rigid-body motion of the boundary exactly.
+    def _move_rigidly(self, basis: FloatArray, shapes: FloatArray) -> None:
+        """Make constraint shapes (3n, m) follow a rigid-body motion of the boundary exactly.
 
         A solve leaves an error of the stiffest entry over the softest connection: 3e-6 of the motion of a lead tip on rubber.
         """
@@ -268,8 +270,9 @@ class CellBuilder:
         within = np.linalg.lstsq(rigid, basis @ own, rcond=None)[0]  # a class's part of a rigid-body motion is one, too
         motions = rigid_body_modes(self.system.mesh.nodes, middle, max(size_m) / 2.0).reshape(-1, 3, 6)
         motions[list(self.system.upright), :2] = 0.0
-        exact = motions.reshape(-1, 6) @ within
-        return np.asarray(shapes + (exact - shapes @ own) @ np.linalg.pinv(own, rcond=SAME))
+        missed, back = motions.reshape(-1, 6) @ within - shapes @ own, np.linalg.pinv(own, rcond=SAME)
+        for each in _blocks(shapes):
+            shapes[:, each] += missed @ back[:, each]
 
     def _sector(self, signs: dict[int, int], half: int) -> Sector:
         inside = self._inside(signs)
@@ -358,10 +361,13 @@ class CellBuilder:
     def _projection(self, part: SymmetryClass) -> tuple[FloatArray, ...]:
         system, shapes = self.system, part.shapes
         pillar = system.region_mass(*system.mesh.standing)
-        stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
+        lost = [system.loss] if isinstance(system.loss, sp.csr_array) else []
+        stiffness, *more = (
+            projected(shapes, each.__matmul__) for each in (system.stiffness, *lost, *system.by_material)
+        )
+        mass = weighted(shapes, system.mass)
         heavy = np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
-        more = (*([system.loss] if isinstance(system.loss, sp.csr_array) else []), *system.by_material)
-        return stiffness, mass, heavy, *(shapes.T @ (each @ shapes) for each in more)
+        return stiffness, mass, heavy, *more
 
     def places(self, parts: list[SymmetryClass]) -> list[FloatArray]:
         """Map from each class's degrees of freedom to the cell's, (dof, m)."""
@@ -450,9 +456,12 @@ def _left_out(pencil: PlainPencil, kept: FloatArray, pushed: FloatArray, factor:
     """
     heavy = pencil.apply_mass(kept)
     rest = pushed - heavy @ (kept.T @ pushed)
-    answer = factor.solve(rest)
-    answer -= kept @ (heavy.T @ answer)
-    return np.asarray(rest.T @ answer)
+
+    def answer(loads: FloatArray) -> FloatArray:
+        own = factor.solve(loads)
+        return np.asarray(own - kept @ (heavy.T @ own))
+
+    return projected(rest, answer)
 
 
 def weighted(shapes: FloatArray, mass: sp.csr_array) -> FloatArray:
@@ -470,4 +479,31 @@ def weighted(shapes: FloatArray, mass: sp.csr_array) -> FloatArray:
     ndarray, shape (m, m)
         Projected mass, scaled.
     """
-    return np.asarray(shapes.T @ on_components(mass, shapes))
+    return projected(shapes, partial(on_components, mass))
+
+
+def _blocks(shapes: FloatArray) -> list[slice]:
+    """Columns that are computed at once."""
+    return [slice(first, first + AT_ONCE) for first in range(0, shapes.shape[1], AT_ONCE)]
+
+
+def projected(shapes: FloatArray, apply: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Project a symmetric map on nodal shapes, without its image of all of them: V' A V.
+
+    Parameters
+    ----------
+    shapes : ndarray, shape (n, m)
+        V.
+    apply : callable
+        Returns A times some columns.
+
+    Returns
+    -------
+    ndarray, shape (m, m)
+        In the units of A.
+    """
+    out = np.empty((shapes.shape[1],) * 2)
+    for own in _blocks(shapes):
+        out[: own.stop, own] = shapes[:, : own.stop].T @ apply(shapes[:, own])
+        out[own, : own.start] = out[: own.start, own].T
+    return out

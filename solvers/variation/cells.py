@@ -19,7 +19,7 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import on_components
 from solvers.plates.assembled import Cache, Reductions
 from solvers.superelement.cell import Cell
-from solvers.superelement.reduction import CellBuilder, ClampedBoundaryClass, Coarser, weighted
+from solvers.superelement.reduction import CellBuilder, ClampedBoundaryClass, Coarser, projected, weighted
 
 # -- families ----------------------------------------------------------------------------------------------------------
 # A pillar's cell as a function of its pillar: K_r and M_r for another height, side, place of the foot and stiffness.
@@ -216,7 +216,7 @@ class _Sampler:
         place = np.zeros((cell.dof, shapes.shape[1]))
         place[: len(clamped.basis), :width] = clamped.basis
         place[cell.interface.count + modes, width + np.arange(len(modes))] = 1.0
-        stiffness = build.copies * place @ (shapes.T @ (moved.stiffness @ shapes)) @ place.T
+        stiffness = build.copies * place @ projected(shapes, moved.stiffness.__matmul__) @ place.T
         return stiffness, build.copies * place @ weighted(shapes, moved.mass) @ place.T
 
     def _stiffened(self, factor: float) -> Reductions:
