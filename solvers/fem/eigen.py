@@ -335,8 +335,28 @@ def lowest_hz(pencil: PlainPencil, static: Factor) -> float:
     float
         In Hz.
     """
-    values, _ = _Solver(pencil, None).lanczos(static.solve, 0.0, 1) if pencil.dof > 2 else (np.array([np.inf]), None)
+    values = uncounted(pencil, static, 1)[0] if pencil.dof > 2 else np.array([np.inf])
     return float(pencil.scale.frequency(values)[0]) * (1.0 - 1e-6)
+
+
+def uncounted(pencil: PlainPencil, static: Factor, count: int) -> tuple[FloatArray, FloatArray]:
+    """Compute the lowest modes of a body without rigid-body motion by Lanczos, which may miss one of a cluster.
+
+    Parameters
+    ----------
+    pencil : PlainPencil
+        Scaled K and M, (dof, dof).
+    static : Factor
+        Factor of K.
+    count : int
+        Number of modes, fewer than the degrees of freedom.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (count,) and (dof, count)
+        Scaled eigenvalues and M-orthonormal vectors.
+    """
+    return _Solver(pencil, None).lanczos(static.solve, 0.0, count)
 
 
 def count_below(pencil: PlainPencil, frequency_hz: float, factorise: Factoriser | None = None) -> int:

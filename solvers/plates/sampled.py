@@ -13,16 +13,19 @@ from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.linalg import block_diag, eigh, svd
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.lattice import Lattice
 from solvers.accuracy.reduction import STILL
 from solvers.fem.assembly import Scale, System, on_components
-from solvers.fem.eigen import Shared, modes_near
+from solvers.fem.eigen import uncounted
+from solvers.fem.factor import Factor, Factoriser
+from solvers.superelement.cell import Expansion
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import ReducedLattice, Waves, times
-from solvers.superelement.reduction import CellBuilder, SymmetryClass
+from solvers.superelement.reduction import CellBuilder, ClassSector, Sector, SymmetryClass
 from solvers.threads import one_thread
 from solvers.waves.enclosure import Enclosure
 
@@ -100,27 +103,28 @@ def sampled_lattice(
 
 
 class _Sampling:
-    """A reduced cell, its shapes on the mesh, the factor of its clamped interior, and the waves sampled so far.
+    """A reduced cell, its shapes on the mesh, its interior with its factor, and the waves sampled so far.
 
-    shapes: those of the boundary functions and fixed-interface modes, and for each sample those of the interior that it added;
-    inner: all of the latter, K-orthonormal; free: the samples' free degrees of freedom.
+    shapes: those of the boundary functions, of the fixed-interface modes, and for each sample those of the interior that it
+    added; all but the first are K-orthonormal. interior: None where its memory was given back. free: the samples' free degrees
+    of freedom.
     """
 
     def __init__(self, system: System, interface: Interface, count: int, edges_m: FloatArray | None) -> None:
-        self.system, self.count = system, count
         builder = CellBuilder(system, interface, (), (), edges_m)
+        self.system, self.count, self.inside = system, count, builder.inside
         clamped = builder.clamp({})
-        self.sector, self.factor = clamped.sector, clamped.factor
-        lowest = modes_near(self.sector.pencil, 0.0, MODES * count, Shared(clamped.factorise, self.factor))
-        self.shapes = [np.hstack([clamped.shapes, self.sector.spread(lowest.vectors)])]
-        basis, tones = clamped.basis, lowest.frequency_hz
-        del clamped  # its shapes are held twice
-        none = np.zeros((basis.shape[1],) * 2)
-        part = SymmetryClass({}, basis, self.shapes[0], tones, float(tones[-1]), none)
-        self.cell = builder.join([part])
-        builder.check(self.cell)
+        sector, self.shapes = clamped.sector, [clamped.shapes]
+        self.interior: tuple[Sector, Factor] | None = (sector, clamped.factor)
+        none = np.zeros((clamped.basis.shape[1],) * 2)
+        values, vectors = uncounted(sector.pencil, clamped.factor, MODES * count)
+        top_hz = float(system.scale.frequency(values)[-1])
+        whole = builder.join([SymmetryClass({}, clamped.basis, clamped.shapes, np.empty(0), top_hz, none)])
+        builder.check(whole)
+        undrawn = Expansion.nothing(whole.dof)
+        self.cell = replace(whole, touch=undrawn, skin=undrawn, bare=None)
+        self._attach(sector.spread(vectors / np.sqrt(values)))
         self.lattice = ReducedLattice(self.cell)
-        self.inner = np.empty((self.sector.pencil.dof, 0))
         self.free = np.empty((self.lattice.dof, 0))
 
     def reduced(self, sampled: FloatArray, checked: FloatArray, allowed: float) -> tuple[SampledLattice, float]:
@@ -128,6 +132,7 @@ class _Sampling:
         bounds, known, errors = None, np.zeros(len(checked), dtype=bool), np.full(len(checked), inf)
         for _ in range(ROUNDS):
             condensed, basis = self._condensed(sampled)
+            self.interior = None  # the bounds' factor takes as much
             if bounds is None:
                 top = max(condensed.solve(k, self.count)[0][-1] for k in checked)
                 bounds = Enclosure(self.system, Lattice(*self.cell.vectors_m.tolist()), SHIFT * float(top))
@@ -151,53 +156,64 @@ class _Sampling:
         return float((rises[moving] / (2.0 * values[moving])).max(initial=0.0))
 
     def _motion(self, dofs: ComplexArray) -> ComplexArray:
-        """Motion of every node (3n, k) by the cell's degrees of freedom."""
+        """Motion of every node (3n, k) by the cell's degrees of freedom, or by those that it had before others joined them."""
         ends = np.cumsum([own.shape[1] for own in self.shapes])
-        return np.asarray(sum(map(times, self.shapes, np.split(dofs, ends[:-1]))))
+        return np.asarray(sum(map(times, self.shapes, np.split(dofs, ends[ends < len(dofs)]))))
 
     def _condensed(self, wavevectors: FloatArray) -> tuple[SampledLattice, FloatArray]:
         """The lattice over the real and imaginary parts of the waves sampled so far and at some wavevectors, and its basis."""
-        self._enrich([self.lattice.waves(k, self.count + SPARE) for k in wavevectors])
+        for waves in [self.lattice.waves(k, self.count + SPARE) for k in wavevectors]:
+            self._enrich(waves)
         self.lattice = lattice = ReducedLattice(self.cell)
-        waves = np.hstack([lattice.waves(k, self.count + SPARE).dofs for k in wavevectors])
+        dofs = np.hstack([lattice.waves(k, self.count + SPARE).dofs for k in wavevectors])
         first = (lattice.offset == 0.0).all(axis=1)
-        own = np.empty((lattice.dof, waves.shape[1]), dtype=complex)
-        own[lattice.column[first]] = waves[first]
+        own = np.empty((lattice.dof, dofs.shape[1]), dtype=complex)
+        own[lattice.column[first]] = dofs[first]
         known = np.vstack([self.free, np.zeros((lattice.dof - len(self.free), self.free.shape[1]))])
         self.free = np.hstack([known, own.real, own.imag])
         basis, size, _ = svd(self.free, full_matrices=False)
         basis = basis[:, size > SAME * size[0]]
         steps, *whole = lattice.steps
         stiffness, mass = (basis.T @ each.reshape(-1, lattice.dof, lattice.dof) @ basis for each in whole)
+        del lattice.steps, whole  # a quarter of the memory, used again only if more wavevectors join
         return SampledLattice(steps, stiffness, mass, lattice.cell.vectors_m, lattice.cell.scale), basis
 
     def _left(self, waves: Waves) -> tuple[FloatArray, FloatArray]:
-        """Loads (free, 2n) that real and imaginary parts of moving waves leave inside, and their eigenvalues (2n,)."""
+        """Nodal loads (3n, 2k) that real and imaginary parts of moving waves leave, and their eigenvalues (2k,)."""
         moving = waves.eigenvalue > STILL**2 * waves.eigenvalue[-1]
         wave = self._motion(waves.dofs[:, moving])
         motion = np.hstack([wave.real, wave.imag])
         value = np.tile(waves.eigenvalue[moving], 2)
-        left = self.system.stiffness @ motion - on_components(self.system.mass, motion) * value
-        return self.sector.restrict(left), value
+        return self.system.stiffness @ motion - on_components(self.system.mass, motion) * value, value
 
-    def _enrich(self, samples: list[Waves]) -> None:
-        """Join further vectors of the interior, K-orthonormal, to the cell's fixed-interface modes."""
-        sector, cell = self.sector, self.cell
-        left, value = (np.concatenate(parts, axis=-1) for parts in zip(*map(self._left, samples), strict=True))
-        first = self.factor.solve(left) / np.sqrt(value)
-        second = self.factor.solve(sector.pencil.apply_mass(first)) * value
-        both = np.hstack([first, second])
-        both -= self.inner @ (self.inner.T @ (sector.pencil.stiffness @ both))
-        strength, turn = eigh(both.T @ (sector.pencil.stiffness @ both))
-        kept = strength > ADDS_NOTHING
-        inner = both @ (turn[:, kept] / np.sqrt(strength[kept]))
-        self.inner = np.hstack([self.inner, inner])
-        field = sector.spread(inner)
-        heavy = on_components(self.system.mass, field)
+    def _enrich(self, waves: Waves) -> None:
+        """Join further vectors of the interior to the cell: those with which a sample answers what it leaves."""
+        if self.interior is None:
+            again = ClassSector(self.system, self.inside)
+            self.interior = again, Factoriser()(sp.csc_array(again.pencil.stiffness))
+        sector, factor = self.interior
+        left, value = self._left(waves)
+        first = factor.solve(sector.restrict(left)) / np.sqrt(value)
+        second = factor.solve(sector.pencil.apply_mass(first)) * value
+        self._attach(sector.spread(np.hstack([first, second])))
+
+    def _attach(self, field: FloatArray) -> None:
+        """Join what shapes (3n, k) of the interior add to those that the cell has, K-orthonormal."""
+        for _ in range(2):  # the second time takes out the rounding of remainders that were small
+            pulled = self.system.stiffness @ field
+            for own in self.shapes[1:]:
+                field = field - own @ (own.T @ pulled)
+            strength, turn = eigh(field.T @ (self.system.stiffness @ field))
+            kept = strength > ADDS_NOTHING
+            if not kept.any():
+                return
+            field = field @ (turn[:, kept] / np.sqrt(strength[kept]))
+        cell, heavy = self.cell, on_components(self.system.mass, field)
         coupling = np.vstack([own.T @ heavy for own in self.shapes])
-        mass = np.block([[cell.mass, coupling], [coupling.T, field.T @ heavy]])
         self.shapes.append(field)
         self.cell = replace(
-            cell, stiffness=block_diag(cell.stiffness, np.eye(inner.shape[1])), mass=mass,
-            fixed_hz=np.append(cell.fixed_hz, np.full(inner.shape[1], inf)),
+            cell, stiffness=block_diag(cell.stiffness, np.eye(field.shape[1])),
+            mass=np.block([[cell.mass, coupling], [coupling.T, field.T @ heavy]]),
+            fixed_hz=np.append(cell.fixed_hz, np.full(field.shape[1], inf)),
+            fixed_parity=np.vstack([cell.fixed_parity, np.zeros((field.shape[1], 2), dtype=np.int64)]),
         )  # fmt: skip

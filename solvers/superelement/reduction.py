@@ -247,10 +247,10 @@ class CellBuilder:
     def clamp(self, signs: dict[int, int], half: int = 0) -> ClampedBoundaryClass:
         """The constraint shapes of one symmetry class, or of its half under x <-> y: K_II Psi = -K_IB P."""
         sector, basis = self._sector(signs, half), self.interface.parity_basis(signs, half)
-        shapes = self._at_boundary(basis)
         factorise, pencil = Factoriser(), sector.pencil  # one symbolic analysis serves the shifted matrices too
         # stored zeros dropped, as in every shifted matrix
         factor = factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
+        shapes = self._at_boundary(basis)
         for own in _blocks(shapes):
             shapes[:, own] -= sector.spread(factor.solve(sector.restrict(self._pull(shapes[:, own]))))
         if not self.system.grounded:

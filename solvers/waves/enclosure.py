@@ -31,8 +31,7 @@ class Enclosure:
         self.system, self.lattice, self.shift = system, lattice, shift
         self.nodes = periodic_nodes(system.mesh, lattice)
         self.alike = np.bincount(self.nodes.master)[self.nodes.master]
-        mass = sp.kron(system.mass, sp.eye_array(3), format="csc")
-        self.factor = Factoriser()(sp.csc_array(system.stiffness + shift * mass))
+        self.factor = Factoriser()(_shifted(system, shift))
 
     def rises(self, wavevector: FloatArray, motion: ComplexArray, values: FloatArray, count: int) -> FloatArray:
         """Bound by how much eigenvalues of approximate waves exceed those of the mesh.
@@ -82,3 +81,9 @@ class Enclosure:
         tied = np.zeros_like(left)
         np.add.at(tied, master, turn.conj() * left)
         return np.asarray(turn / self.alike[:, None] * tied[master]).reshape(motion.shape)
+
+
+def _shifted(system: System, shift: float) -> sp.csc_array:
+    """K + s M, (3n, 3n), whose rows are its columns."""
+    whole = sp.csr_array(system.stiffness + sp.kron(shift * system.mass, sp.eye_array(3), format="csr"))
+    return sp.csc_array((whole.data, whole.indices, whole.indptr), shape=whole.shape)

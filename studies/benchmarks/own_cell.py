@@ -93,9 +93,9 @@ def main() -> None:
     """Print a Markdown table of both programs and their ratios."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "--intervals", type=int, default=4, help="elements through the thickness; four times as many across"
+        "--intervals", type=int, default=6, help="elements through the thickness; four times as many across"
     )
-    parser.add_argument("--points", type=int, default=25, help="intervals per segment of the path GXMG")
+    parser.add_argument("--points", type=int, default=6, help="intervals per segment of the path GXMG")
     parser.add_argument("--count", type=int, default=8, help="number of bands")
     parser.add_argument("--scikit", nargs=3, type=int, help=argparse.SUPPRESS)
     given = parser.parse_args()
