@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import hypot
+from math import hypot, pi
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from geometry.tiling import tile
 from pipeline.case.limits import MAX_SUPPORTS
 from pipeline.case.reading import Diagnostics, check_table, is_table
 from pipeline.case.schema import SUPPORTS_ALLOWED, SupportTable, known_keys
-from pipeline.quantity import GRAM, MM
+from pipeline.quantity import GRAM, MM, figure
 
 ALLOWED = {  # keys of each kind besides edge, or at_mm and radius_mm; the first is needed, of a spring one of both
     "clamp": (),
@@ -114,6 +114,30 @@ def check_places(design: Design, diagnostics: Diagnostics) -> None:
             diagnostics.add(key, at, what)
         else:
             _check_apart(design, number, diagnostics)
+
+
+def dents(design: Design, frequency_hz: float) -> Iterator[str]:
+    """Say which dampers on discs move their disc about as much by its dent as by the plate's motion.
+
+    Parameters
+    ----------
+    design : Design
+        The plate with its supports.
+    frequency_hz : float
+        Frequency f in Hz, at which a damper c is as stiff as a spring of 2 pi f c.
+
+    Yields
+    ------
+    str
+        One line for each damper that is stiffer than a spring may be.
+    """
+    soft = SOFT * design.stack.back.average.young_pa / (2.0 * pi * frequency_hz)
+    for number, support in enumerate(design.supports):
+        if not support.edge and support.damping_n_s_m > (most := soft * support.radius_m):
+            yield (
+                f"support.{number}.damping_Ns_per_m = {support.damping_n_s_m:g}: the dent of its disc is left out, and motions "
+                f"near it are too small: at most {figure(most)} N s/m hardly dent it"
+            )
 
 
 def _check_apart(design: Design, number: int, diagnostics: Diagnostics) -> None:

@@ -21,6 +21,7 @@ from geometry.mesh import AnyMesh, Mesh, check_mesh
 from geometry.supports import is_held_disc
 from geometry.tiling import Panel
 from pipeline.case.model import Case
+from pipeline.case.supports import dents
 from pipeline.logs import Log, TerminalLog
 from pipeline.models.cell_cache import CellCache, MatrixCache
 from pipeline.models.prestress import load_with_stress
@@ -37,6 +38,7 @@ from solvers.accuracy.mesh import (
     clamped_shares,
     rim_shares,
 )
+from solvers.analytic.predesign import predesign
 from solvers.errors import CountMismatch, SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil, modes_near
@@ -194,7 +196,9 @@ def foot_shares(design: Design, mesh: HexSettings) -> ErrorFractions:
 
 def _assembled(case: Case, choice: ModelChoice, log: Log, parted: bool) -> PlateModel:
     assert choice.reduction
-    design = case.design
+    design, zone = case.design, predesign(case.design).zone
+    for line in dents(design, zone.frequency_hz) if zone else ():
+        log.warning("DENT", line)
     reductions = Reductions(
         design.stack,
         design.pillar,

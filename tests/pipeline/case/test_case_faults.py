@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 import time
 import tomllib
+from math import pi
 from pathlib import Path
 
 import pytest
 
 from pipeline.case.model import case_from_dict, load_case
+from pipeline.case.supports import dents
 from pipeline.errors import InputError
 from solvers.analytic.beams import antinodes, free_free_mode
 
 CASE = Path(__file__).parents[3] / "studies" / "three-rows.toml"
+SUPPORT_OF = 'support=[{{kind="spring", at_mm=[5, 0], radius_mm=4, damping_Ns_per_m={damping}}}]'
 RAW = tomllib.loads(CASE.read_text())
 
 
@@ -374,3 +377,14 @@ def test_the_patch_that_a_message_proposes_fits_the_case(name: str) -> None:
         load_case(file).require("patches", command="response")
     (words,) = re.findall(r'--set "(.*)"', str(fault.value))
     assert load_case(file, [words]).patches
+
+
+def test_a_damper_dents_its_disc_as_a_spring_as_stiff_does() -> None:
+    """A spring may have E r / 100; a damper is as stiff as 2 pi f c."""
+    case = load_case(CASE, [SUPPORT_OF.format(damping=40.0), "zone.width_mm=20"])
+    limit = 0.01 * case.design.material.average.young_pa * 4e-3 / (2.0 * pi * 30e3)
+    (line,) = dents(case.design, 30e3)
+    (least,) = re.findall(r"at most ([0-9.]+) N s/m", line)
+    assert line.startswith("support.0.damping_Ns_per_m = 40: ") and float(least) == pytest.approx(limit, rel=5e-3)
+    weaker = load_case(CASE, [SUPPORT_OF.format(damping=0.99 * limit), "zone.width_mm=20"])
+    assert not [*dents(weaker.design, 30e3)]
