@@ -79,7 +79,7 @@ def image_in(vectors: Vectors, own: Support) -> tuple[float, float]:
     image = place_in_cell(vectors, own.at_m, own.radius_m)
     if image is None:
         at = ", ".join(f"{each / MM:g}" for each in own.at_m)
-        raise InputError(f"cell.attached: at_mm = [{at}]: {_crosses(vectors, own.radius_m)}")
+        raise InputError(f"[[cell.attached]]: at_mm = [{at}]: {_crosses(vectors, own.radius_m)}")
     return image
 
 

@@ -34,6 +34,7 @@ def compiler(request, tmp_path_factory: pytest.TempPathFactory):
         return {variant: builder.build(TABLE, folder, variant).elf for variant in builder.VARIANTS}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("variant", "routine"), [(v, name) for v, names in ALLOWED.items() for name in names])
 def test_no_path_is_longer_than_allowed(compiler: dict[str, Path], variant: str, routine: str) -> None:
     assert image.bound(compiler[variant], routine) <= ALLOWED[variant][routine]

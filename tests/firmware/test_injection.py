@@ -51,6 +51,7 @@ def check_jobs(seconds: float, stride: int) -> None:
     assert rows[-1].latched and rows[-1].held
 
 
+@pytest.mark.slow
 def test_lifts_softening_plates_retries_and_chirps_end_as_they_should(core) -> None:
     check_jobs(0.01, 37)
 
@@ -89,6 +90,7 @@ def test_six_channels_that_leave_their_level_are_not_taken_for_held(core, monkey
     assert not injection_six.retry_row("dead", 1, 17).is_sound
 
 
+@pytest.mark.slow
 def test_a_lift_that_overshoots_is_not_taken_for_held(core, monkeypatch: pytest.MonkeyPatch) -> None:
     """The rows' own judgement: less room than the lift takes, a plate that is lost, a hand that lets no try end in time."""
     monkeypatch.setattr(injection_jobs, "LIFTED_MOST", 1.0)

@@ -9,6 +9,7 @@ from firmware import closed_loop
 NEAR_LEAST = 1.15  # times the least possible peak, where that exceeds closed_loop.PEAK_MOST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lift", closed_loop.LIFTS)
 @pytest.mark.parametrize("lift_s", [2e-3, 10e-3, 50e-3])
 @pytest.mark.parametrize("quality_factor", [30, 100, 300, 1000, 2000])

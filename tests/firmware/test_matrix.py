@@ -88,6 +88,7 @@ def test_margins_are_those_of_the_loop_step_by_step(passed: float) -> None:
     assert matrix.margins(gain, passed, 1.0)[1] == -np.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("turn_deg", "gain_db"), [(60.0, 0.0), (-60.0, 0.0), (0.0, 8.0)])
 def test_the_board_stands_what_the_margins_say(core, turn_deg: float, gain_db: float) -> None:
     """The stored matrix is wrong by nearly the margin: the pattern still settles."""

@@ -29,6 +29,7 @@ def test_it_holds_for_every_input(name: str) -> None:
     assert prove.unproven(name) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", prove.SOURCES)
 def test_a_fault_is_seen(name: str, tmp_path: Path) -> None:
     source, was, becomes = FAULTS[name]

@@ -87,6 +87,7 @@ def test_no_flipped_bit_leads_beyond_an_array() -> None:
     run_tests(["test_injection.py"], ANTINODE_HOST_FLAGS=flags(ACCESSES))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "word"),
     [

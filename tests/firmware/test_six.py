@@ -326,6 +326,7 @@ def test_a_plate_that_moves_again_is_driven_again(hosted) -> None:
     assert (board.app.pattern, board.app.target_reference) == (pattern, reference)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [0.0, -1.0], ids=["dead", "reversed"])
 def test_a_retry_without_a_sensor_moves_the_plate_no_further(hosted, sign: float) -> None:
     """It ends as the mismatch that it is, at the low level of the check, and T stays."""
@@ -375,6 +376,7 @@ def test_bridges_that_drive_nothing_are_noticed(hosted, reference: float) -> Non
     assert board.run_while(RUN, 40.0 * QUICK.slowest_s) < 40.0 * QUICK.slowest_s and board.faults == Fault.MISMATCH
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", ["nothing", "another plate", "a dead sensor", "a reversed sensor", "a dead bridge"])
 def test_a_matrix_from_the_table_is_checked_before_it_is_used(hosted, wrong: str) -> None:
     """All sensors at a tenth of what is reached; what differs is measured again."""
@@ -527,6 +529,7 @@ def make_six(make_image, core):
     return make
 
 
+@pytest.mark.slow
 def test_image_fits(make_image) -> None:
     image = make_image(table(), "six")
     assert image.flash_bytes <= 32 * 1024 and image.ram_bytes <= 16 * 1024

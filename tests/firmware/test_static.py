@@ -37,6 +37,7 @@ def run(command: list[str]) -> None:
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", sorted(str(path.relative_to(CORE)) for path in CORE.rglob("*.c")))
 def test_gcc_finds_nothing(source: str, tmp_path: Path) -> None:
     if not shutil.which("gcc"):

@@ -119,6 +119,7 @@ def test_signs_of_computed_gains_reach_the_plate() -> None:
     assert gains[0] == pytest.approx(0.5, rel=1e-3) and gains[1] == pytest.approx(-0.3, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_a_plate_the_table_does_not_fit_is_an_error_that_names_the_fault(emulation) -> None:
     wrong = plate_from_table(TABLE, Assumed(scale=1.1))
     with pytest.raises(EmulationError, match="identify"):

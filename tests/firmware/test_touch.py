@@ -459,6 +459,7 @@ def test_a_hand_during_the_sweep_is_no_fault_that_stays(make) -> None:
     assert rig.state == RUN and rig.app.mode.tau_s == pytest.approx(tau_of(300.0), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_lost_sensor_is_tried_three_times(make) -> None:
     """After 1, 2 and 4 s, less than 30 ms each: a lost sensor and a hand that stays look alike. Then the board rests."""
     rig = make()
@@ -507,6 +508,7 @@ def test_a_slow_sweep_is_given_up_at_once(make) -> None:
     assert rig.state == IDLE and rig.faults == 0 and rig.app.base.retry.gave_up == Fault.IDENTIFY
 
 
+@pytest.mark.slow
 def test_a_measurement_alone_is_tried_three_times(make) -> None:
     """Whoever asked for it learns that it failed."""
     rig = make(table=guessed(300.0))
@@ -517,6 +519,7 @@ def test_a_measurement_alone_is_tried_three_times(make) -> None:
     assert rig.state == IDLE and rig.faults == 0 and rig.app.base.retry.gave_up == Fault.IDENTIFY
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quality_factor", [100.0, 300.0, 1000.0])
 @pytest.mark.parametrize("times", [0.25, 1.0, 3.0])
 def test_a_table_of_another_plate_is_never_held_on_trust(make, quality_factor: float, times: float) -> None:

@@ -24,6 +24,7 @@ QUICK = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "parameters"), QUICK, ids=[name for name, _ in QUICK])
 def test_right_or_refused(name: str, parameters: dict[str, Any]) -> None:
     result = extremes.compute(parameters, Path(), Quiet())["found"]

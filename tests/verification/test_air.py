@@ -45,6 +45,7 @@ def test_losses_of_materials_and_air_add_up() -> None:
         assert one.air_quality_factor == pytest.approx(two.air_quality_factor, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_wide_plate_above_coincidence_loses_as_its_wave() -> None:
     """2 rho c / (w m sqrt(1 - (k_b/k)^2)) of both faces; of one mode within the spread that its edges bring."""
     wide = RAW | {"zone": {"length_mm": 120.0, "width_mm": 80.0, "nodal_lines": 12}, "air": {}}
@@ -67,6 +68,7 @@ def driven() -> ForcedPlate:
     return forced_plate(case(air={"faces": "touch"}, damping={"quality": "materials"}), LOG, (20e3, 40e3))
 
 
+@pytest.mark.slow
 def test_the_level_is_that_of_a_monopole_where_the_plate_is_short(driven: ForcedPlate) -> None:
     """At low frequencies rho w^2 V / (2 pi r), V the volume that the face displaces; twice the volts are 6 dB."""
     tone, air = 300.0, driven.air

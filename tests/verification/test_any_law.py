@@ -83,6 +83,7 @@ def test_a_thin_slab_of_panels_without_mirrors_has_the_modes_of_its_law() -> Non
     assert (np.abs(tones / exact[:-1] - 1.0) <= bars + 1e-5).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["zone", "pillar"])
 def test_a_part_without_mirrors_is_held_like_its_quarter(part: str) -> None:
     """Aluminium, and aluminium with a coupling of xx and xy that takes its mirrors and next to nothing else."""

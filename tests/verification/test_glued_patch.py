@@ -44,6 +44,7 @@ def forced(*args: Any, quality: float | None = 100.0, **more: Any) -> ForcedPlat
     return ForcedPlate(plate(*args, **more), DESIGN, Drive((0,), (), (10e3, 60e3), quality))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("above", [True, False])
 def test_glue_of_the_patchs_own_material_is_a_thicker_patch(above: bool) -> None:
     """Without a piezoelectric effect: stiffness, mass and loss of both, and the resonances of the plate under them."""
@@ -58,6 +59,7 @@ def test_glue_of_the_patchs_own_material_is_a_thicker_patch(above: bool) -> None
     assert one == pytest.approx(two, rel=1e-3)  # the mesh has a graded line more
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("above", [True, False])
 def test_thin_hard_glue_changes_nothing(above: bool) -> None:
     hard = Layer(MATERIALS["aluminium"], 1e-6)
@@ -68,6 +70,7 @@ def test_thin_hard_glue_changes_nothing(above: bool) -> None:
     assert ours == pytest.approx(theirs, rel=0.02)
 
 
+@pytest.mark.slow
 def test_soft_glue_takes_load_from_the_patch_by_shear_lag() -> None:
     """The thicker and softer, the less a volt moves the plate (crawley1987): a tenth of the modulus or ten times the height."""
     soft = replace(Material.isotropic("soft", 0.1 * E, EPOXY.density_kg_m3, NU), loss_factor=0.05)
@@ -89,6 +92,7 @@ def test_the_clamped_capacitance_is_that_of_the_ceramic() -> None:
     assert soft.capacitance_f == pytest.approx(free, rel=0.02)
 
 
+@pytest.mark.slow
 def test_what_the_glue_loses_is_its_loss_factor_times_its_energy() -> None:
     """From patches of which one part alone loses; the sum is that of both."""
     still = replace(PZ26, loss_factor=0.0)

@@ -153,6 +153,7 @@ def check_areas(design: Design, kind: str) -> None:
     assert ratio == pytest.approx(whole / zone - 1.0, rel=10.0 * AREAS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["square", "round"])
 def test_the_zone_ends_at_all_four_borders(kind: str) -> None:
     """Panels are cut along x and y, also at the corners of the zone, where both lines meet."""

@@ -44,6 +44,7 @@ def case_of(name: str, accuracy: float) -> Case:
     return case_from_dict({**plate, **more, "solve": {"accuracy": accuracy}})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["orthotropic", *(pytest.param(name, marks=pytest.mark.slow) for name in PLATES if name != "orthotropic")]
 )
@@ -63,6 +64,7 @@ def test_bands_of_a_bare_plate_are_its_waves(name: str) -> None:
     assert directions == {0, 27, 45}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["aluminium", "three layers"])
 def test_bands_of_a_bare_cell_meshed_whole_are_its_waves_degenerate_ones_with_the_larger_bar(name: str) -> None:
     """At X every wave has a partner that a coarser mesh may exchange with it."""

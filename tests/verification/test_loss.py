@@ -62,6 +62,7 @@ def given() -> dict[str, Material]:
     return region_materials(DESIGN.stack, PILLAR)
 
 
+@pytest.mark.slow
 def test_the_loss_of_a_mode_is_the_sum_of_the_derivatives_of_its_frequency():
     """1/Q = sum of loss factors times d ln f^2 / d ln E: by frequencies alone, none of them computed with a loss."""
     model = solid(tuple(given().items()))
@@ -100,6 +101,7 @@ def reduced(design: Design, lossy: bool = True) -> PlateModel:
     return PlateModel(design, Reductions(design.stack, design.pillar, reduction, lossy=lossy))
 
 
+@pytest.mark.slow
 def test_a_reduced_plate_loses_what_its_solid_does():
     """The same mesh: the shares of energy differ by the truncation, which the frequencies show."""
     whole, model = solid(tuple(given().items())), reduced(DESIGN)
@@ -113,6 +115,7 @@ def test_a_reduced_plate_loses_what_its_solid_does():
     assert (np.abs(factors[1] / factors[0] - 1.0) < SHARES * truncated * (1.0 + np.sqrt(most / factors[0]))).all()
 
 
+@pytest.mark.slow
 def test_discarded_modes_change_no_more_of_a_loss_than_their_bound():
     """A reduction without modes above 70 kHz against the ample one, of the same mesh and boundary functions."""
     found, (most, least) = [], (pick(each.lost for each in DESIGN.materials) for pick in (max, min))
@@ -143,6 +146,7 @@ def test_the_bar_of_a_quality_factor_holds_both_ends_of_its_loss(off: float):
         assert half == pytest.approx(1.0 / (factor * (1.0 - off)) - quality)
 
 
+@pytest.mark.slow
 def test_the_response_is_that_of_complex_moduli():
     """(K + i H - w^2 M) u = f solved at once; what the modes about the band leave out is of second order in the loss."""
     plate = PressedPlate({symmetry: reduced(DESIGN).assembled(symmetry) for symmetry in CLASSES}, DESIGN, "plate")
@@ -224,6 +228,7 @@ def wavenumbers(one: Row, frequency_hz: float) -> np.ndarray:
     return np.asarray(found[np.abs(found.imag) < 0.1 * np.abs(found.real)])
 
 
+@pytest.mark.slow
 def test_waves_decay_by_the_derivatives_of_their_wavenumbers():
     """Im k = -sum of loss factors times dk / d ln E at one frequency, from rows without any loss."""
     tone, expected = 12e3, np.zeros(1)
@@ -320,6 +325,7 @@ def banded(plate: float, pillar: float, *more: str) -> Case:
     return case_from_dict(raw, None, more)
 
 
+@pytest.mark.slow
 def test_the_loss_of_a_wave_is_the_sum_of_the_derivatives_of_its_frequency() -> None:
     """1/Q = sum of loss factors times d ln f^2 / d ln E, of bands that are simple at a corner of the path."""
     bands = bands_of(banded(10.0, 3.0), LOG)

@@ -272,6 +272,7 @@ def test_every_command_is_compared_or_left_out_with_its_reason() -> None:
     assert sorted(commands) == sorted(here)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [pytest.param(c, marks=pytest.mark.slow) if c in ("bands", "attenuation", "broadband") else c for c in PASSIVE],

@@ -119,6 +119,7 @@ def kirchhoff_ring(ratio: float, waves: int, poisson: float) -> float:
     return float(root**2)
 
 
+@pytest.mark.slow
 def test_a_ring_has_the_frequencies_of_ritzs_method(tmp_path: Path) -> None:
     """Curved rims and a hole: as many modes as Ritz's method finds, each inside its error bar, which is below 1 %."""
     written(disc(12.0, 4.0, 1.2), tmp_path)

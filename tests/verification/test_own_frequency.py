@@ -92,6 +92,7 @@ def test_zeners_own_law_is_a_spring_beside_a_spring_and_a_dashpot() -> None:
     assert (found, loss) == pytest.approx((exact.real, exact.imag / exact.real), rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [RESIN, ZENER], ids=["rows", "zener"])
 def test_each_mode_of_one_material_has_the_modulus_of_its_own_frequency(law: dict[str, Any]) -> None:
     found = solve_modes(case(law, law), Request("pillar", near_hz=0.0, count=4), LOG)
@@ -104,6 +105,7 @@ def test_each_mode_of_one_material_has_the_modulus_of_its_own_frequency(law: dic
         assert "moduli" not in row.error_parts or row.error_parts["moduli"] < 1e-12
 
 
+@pytest.mark.slow
 def test_the_target_mode_of_two_materials_has_the_moduli_of_its_own_frequency_and_others_lie_within_their_bars() -> (
     None
 ):
@@ -115,6 +117,7 @@ def test_the_target_mode_of_two_materials_has_the_moduli_of_its_own_frequency_an
         assert own.frequency_hz == pytest.approx(nearest, rel=1e-6 if own is row else own.error_parts["moduli"] + 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plate", [RESIN, METAL], ids=["alike", "two"])
 def test_each_wave_has_the_moduli_of_its_own_frequency(plate: dict[str, Any]) -> None:
     bands = bands_of(case(plate, RESIN), LOG)
@@ -177,6 +180,7 @@ def test_a_row_of_two_materials_misses_no_more_of_other_moduli_than_its_basis_ma
         assert missed < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("plate", "band_khz"), [(RESIN, (14.0, 18.0)), (METAL, (30.0, 34.0))], ids=["alike", "two"])
 def test_attenuation_has_the_moduli_of_each_frequency(plate: dict[str, Any], band_khz: tuple[float, float]) -> None:
     """Against solutions with constant moduli: equal where all change alike, else within both error bars."""
@@ -195,6 +199,7 @@ def test_attenuation_has_the_moduli_of_each_frequency(plate: dict[str, Any], ban
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("quality", "powers"), [(None, (0.1, 0.3)), (80.0, (0.1, 0.3)), (80.0, (0.1, 0.1))])
 def test_the_response_has_the_moduli_and_losses_of_each_frequency(
     quality: float | None, powers: tuple[float, float]

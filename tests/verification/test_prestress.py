@@ -88,6 +88,7 @@ def test_the_beam_without_force_is_the_textbook_one() -> None:
     assert beam_root(0.999) < 0.002 * beam_root(0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [-1.0, 0.3, 0.6, 0.9])
 def test_a_clamped_strip_is_a_beam_under_axial_force(share: float) -> None:
     """Without sideways strain the stress is E a T. Shear takes 6/5 E/G times the strain from the buckling load."""
@@ -103,6 +104,7 @@ def test_a_clamped_strip_is_a_beam_under_axial_force(share: float) -> None:
     assert tones[1] / tones[0] == pytest.approx(exact, rel=missed / (1.0 - max(share, 0.0)))
 
 
+@pytest.mark.slow
 def test_a_clamped_sandwich_is_a_beam_under_the_force_of_its_layers() -> None:
     stiff = replace(Material.isotropic("stiff", 200e9, 4000.0, 0.0), expansion_per_k=0.5 * EXPANSION)
     layers = tuple(Layer(each, THICK / 4.0 * share) for each, share in ((stiff, 1.0), (CORK, 2.0), (stiff, 1.0)))
@@ -311,6 +313,7 @@ def test_layers_whose_expansion_is_not_known_are_refused_in_one_line() -> None:
     Modes().suited(strip_case(material=material | {"expansion_per_K": 0.0}))
 
 
+@pytest.mark.slow
 def test_a_held_plate_drifts_by_its_stress(coarsest_cells: None) -> None:
     """Its material alone would let it grow stiffer by 2e-5 a kelvin, as edges grow: clamped sides take ten times as much."""
     sides = [{"kind": "clamp", "edge": edge} for edge in ("y-", "y+")]

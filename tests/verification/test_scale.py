@@ -41,6 +41,7 @@ def frequencies(question: Question[Any], factor: float) -> list[float]:
     return [row["frequency_hz"] for row in rows]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("question", [Modes(part="pillar", count=4), Bands()], ids=lambda each: each.name)
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
 def test_frequencies_go_as_the_inverse_of_length(question: Question[Any], factor: float) -> None:

@@ -73,6 +73,7 @@ def cell(neck: dict[str, float], head: dict[str, float], shape: dict[str, Any], 
 SQUARE, ROUND = {"side_mm": 6.0}, {"shape": "round", "diameter_mm": 6.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", ["in line", "shifted"])
 def test_a_lattice_moves_as_one_at_no_frequency(rows: str) -> None:
     """Rubber under lead: the plate is so much stiffer that its rounding passed for waves of 0.1 Hz, and spoilt every bar."""

@@ -146,6 +146,7 @@ def coarse() -> Periodic:
     return row_cell(design, reduction)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("along", [4, 5])
 def test_bars_hold_what_further_degrees_bring(along: int) -> None:
     """On one mesh, along the sides and through the thickness: feet stand 0.2 mm from the sides of panels 2 mm thick.
@@ -267,6 +268,7 @@ def test_motion_within_a_deep_stack_falls_by_the_least_decay(coarse: Periodic) -
     assert moved(7) / moved(6) == pytest.approx(size[0], rel=5.0 * (size[1] / size[0]) ** 6)
 
 
+@pytest.mark.slow
 def test_the_command_answers_staggered_rows() -> None:
     """With bars, and a wave at the frequency of a band that passes undamped as the bands have it."""
     case = case_of("bands.count=4", "bands.points=1", "solve.accuracy=0.05")

@@ -111,6 +111,7 @@ def test_every_mode_of_a_simply_supported_plate_is_srinivas() -> None:
     assert (np.abs(tones / exact - 1.0) <= bars).all() and bars.max() < 0.01
 
 
+@pytest.mark.slow
 def test_supports_that_do_nothing_change_nothing() -> None:
     free, _, six = solved(plate([]), 1e2, 4e4)
     idle, _, rigid = solved(
@@ -119,6 +120,7 @@ def test_supports_that_do_nothing_change_nothing() -> None:
     assert six == rigid == 6 and idle == pytest.approx(free, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_foam_of_rising_stiffness_holds_the_edge() -> None:
     """From below, with an error that falls as 1/k, to the modes of a whole solid with u_z of the edge faces held."""
     band = (1e3, 5e4)
@@ -149,6 +151,7 @@ def edges_held_hz(low_hz: float, high_hz: float) -> FloatArray:
     return np.sort(found)
 
 
+@pytest.mark.slow
 def test_an_edge_of_rising_mass_is_clamped() -> None:
     """From above, with an error that falls as 1/m; the edge's own modes go as m^(-1/2), to below the band."""
     band, weight = (1.5e4, 4e4), ALUMINIUM.density_kg_m3 * LENGTH * WIDTH * THICK
@@ -314,6 +317,7 @@ def test_a_supported_plate_reports_its_target_mode_without_supports() -> None:
 DISC = {"at_mm": [9.0, 0.0], "radius_mm": 1.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "support",
     [

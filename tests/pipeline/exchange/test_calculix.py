@@ -65,6 +65,7 @@ def theirs(result: Exchange, count: int, folder: Path) -> FloatArray:
     return np.array([float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()])
 
 
+@pytest.mark.slow
 def test_an_independent_reader_finds_nodes_elements_and_sets(tmp_path: Path) -> None:
     result = plate()
     (tmp_path / "part.inp").write_text(finite_elements.input_deck(result, 10))

@@ -82,6 +82,7 @@ def server(explorer: Explorer) -> Iterator[Server]:
         yield started
 
 
+@pytest.mark.slow
 def test_the_scene_starts_with_the_file(explorer: Explorer) -> None:
     assert explorer.scene.own() == OWN
 

@@ -232,6 +232,7 @@ def test_designs_of_the_cloud_have_pythons_numbers(whole_boxes: list[Explorer], 
                 assert each[name] == (own[name] if own[name] is None else pytest.approx(own[name], rel=SAME)), name
 
 
+@pytest.mark.slow
 @needs_node
 def test_a_page_of_round_pillars_has_pythons_numbers(explorer: Explorer, tmp_path: Path) -> None:
     """Designs with and without a mode of the passive plate near the target mode, without rows, and cut by the plate's edge."""

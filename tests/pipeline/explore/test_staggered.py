@@ -52,6 +52,7 @@ def explorer(tmp_path_factory: pytest.TempPathFactory) -> Explorer:
     return small_explorer(tmp_path_factory.mktemp("cells"), *STAGGERED, offline=WIDE)
 
 
+@pytest.mark.slow
 def test_one_slider_carries_both_pitches(explorer: Explorer) -> None:
     own = explorer.scene.own() | {"pitch": 6.6}
     design = explorer.scene.at(own).design
@@ -135,6 +136,7 @@ def test_the_live_plate_lies_within_its_bars(explorer: Explorer, change: dict[st
     assert BesidePlate.of(live, compute(explorer.scene, given, WarningLog())).within
 
 
+@pytest.mark.slow
 def test_plates_of_a_batch_are_designs_of_the_page(explorer: Explorer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(answer, "cell_model", lambda case, log: explorer.model)
     settings = (*STAGGERED, "tolerance.height_mm=0.04", "tolerance.samples=2")

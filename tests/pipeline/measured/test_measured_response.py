@@ -161,6 +161,7 @@ def test_beside_the_shift_stands_what_the_model_may_be_off_by(error: float | Non
     assert "resonance at 30.0000 ± 0.0006 kHz" in said and "quality factor 287 ± 4 against 300 computed" in said
 
 
+@pytest.mark.slow
 def test_the_figure_is_written_in_both_forms_and_not_empty(compared_coarsely: Path) -> None:
     """Ink of more than one colour in the raster; the axes' titles and the peak's colour-independent labels in the vector."""
     from matplotlib.image import imread

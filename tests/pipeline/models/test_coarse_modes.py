@@ -69,6 +69,7 @@ def test_nothing_is_foreseen_for_a_band_or_a_reduced_plate(query: Request) -> No
     assert coarse_modes(CASE, query, choice(query)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("band_hz", "within"),
     [((10e3, 39.12e3), 2), ((10e3, 39.1e3), 0), ((39.12e3, 60e3), 0), ((39.1e3, 39.12e3), 2), ((10e3, 150e3), 3)],

@@ -71,6 +71,7 @@ def test_elements_follow_every_foot_and_fill_the_cell(shape: str, array: dict[st
             assert shares[:, axis] == pytest.approx(end) and np.ptp(shares[:, 1 - axis]) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["round", "square"])
 def test_the_reduced_cell_has_the_waves_of_its_mesh(shape: str) -> None:
     """Within what boundary functions of degree 5 and modes to 1 MHz leave out of it, and never below, anywhere in the zone."""

@@ -50,6 +50,7 @@ def attenuation(scene: Case, meshes: list[str]) -> AttenuationResult:
     return ask(scene, MeshAttenuation(mesh_file=tuple(meshes), **WINDOW), Run(LOG))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lean_mm", [1.2, -3.8])
 def test_bare_oblique_cells_pass_everything(lean_mm: float, tmp_path: Path) -> None:
     """Whichever of its lattice's cells: no decay, all of the power, and the wavenumbers of a rectangular cell."""
@@ -86,6 +87,7 @@ def test_cells_that_lean_otherwise_and_other_lattices_are_refused_in_one_line(tm
     assert len(fault.value.lines) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("array", [STAGGERED, OBLIQUE], ids=["staggered", "oblique"])
 def test_rows_of_a_parallelogram_stop_what_other_cells_of_the_lattice_stop(
     array: dict[str, Any], monkeypatch: pytest.MonkeyPatch

@@ -86,6 +86,7 @@ def test_no_mode_of_the_plate_overturns_what_is_said(number: int) -> None:
         assert carried[best] >= LEAD * np.delete(carried, best).max()
 
 
+@pytest.mark.slow
 def test_a_driven_plate_has_one_target_in_every_band() -> None:
     """One model, two bands: they differ by how the bond's extrapolation mixes the modes solved, of second order."""
     own = case(0, PATCHES)

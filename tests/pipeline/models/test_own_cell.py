@@ -72,6 +72,7 @@ def bands(scene: Case, *files: str) -> BandsResult:
     return ask(scene, MeshBands(mesh_file=files), Run(LOG))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["hole", "two pillars"])
 def test_own_cells_have_the_bands_of_an_independent_finite_element_cell(kind: str, tmp_path: Path) -> None:
     """Both complete quadratic hexahedra on one mesh: equal up to rounding, at G, X, M and along their sides."""
@@ -85,6 +86,7 @@ def test_own_cells_have_the_bands_of_an_independent_finite_element_cell(kind: st
     assert found.points[1].error == [None] * 6 and found.expected_error is None
 
 
+@pytest.mark.slow
 def test_a_reduced_cell_has_the_bands_of_the_whole_one_and_gives_way_to_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -115,6 +117,7 @@ def test_a_supercell_of_two_has_the_folded_bands_of_its_cell(kind: str, tmp_path
     assert folded[1][:count] == pytest.approx(folded[0][:count], rel=1e-6, abs=STILL_HZ)
 
 
+@pytest.mark.slow
 def test_the_reference_cell_read_back_lies_inside_both_bars(tmp_path: Path) -> None:
     raw: dict[str, Any] = {"plate": {"thickness_mm": 1.0}, "pillar": {"side_mm": 1.6, "height_mm": 3.0}}
     raw |= {"solve": {"accuracy": 0.01}, "array": {"pitch_mm": 4.0, "rows": 1}}

@@ -91,6 +91,7 @@ def attenuated(scene: Case, *files: str, **own: Any) -> AttenuationResult:
     return ask(scene, MeshAttenuation(mesh_file=files, **own), Run(LOG))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["hole", pytest.param("two pillars", marks=pytest.mark.slow)])
 def test_waves_decay_as_those_of_all_nodes_do(kind: str, tmp_path: Path) -> None:
     """The reduction overestimates frequencies by its stated error at most: so far may the decay lie from its own."""
@@ -116,6 +117,7 @@ def reference(folder: Path) -> tuple[Case, tuple[str, ...]]:
     return scene, tuple(written(mesh, folder / f"{size}.msh") for size, mesh in sizes.items())
 
 
+@pytest.mark.slow
 def test_the_reference_cell_read_back_decays_within_both_bars(tmp_path: Path) -> None:
     scene, files = reference(tmp_path)
     theirs, ours = attenuated(scene, *files, **WINDOW), ask(scene, Attenuation(**WINDOW), Run(LOG))

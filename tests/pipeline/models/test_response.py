@@ -61,6 +61,7 @@ def document(case: Path) -> dict:
     return json.loads((out / "response.json").read_text())
 
 
+@pytest.mark.slow
 def test_the_fields_of_the_document(document: dict) -> None:
     assert document["schema"] == 2
     count = len(document["frequency_hz"])

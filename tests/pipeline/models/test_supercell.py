@@ -49,6 +49,7 @@ def by_place(result: BandsResult) -> dict[tuple[int, int], Any]:
     return {tuple(np.rint([point.kx_per_m, point.ky_per_m]).astype(int)): point for point in result.points}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", ["2x1", "1x2", "2x2"])
 def test_bands_of_a_supercell_are_those_of_its_cell_folded(size: str) -> None:
     cells = np.array([int(each) for each in size.split("x")])

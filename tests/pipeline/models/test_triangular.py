@@ -49,6 +49,7 @@ def test_the_path_follows_the_symmetry_of_the_pillar() -> None:
     assert case(ROUND, None, "bands.path=GKM").bands.path == "GKM"
 
 
+@pytest.mark.slow
 def test_a_round_pillar_moves_alike_in_six_directions() -> None:
     """By a mesh that has two mirrors alone: M is M1, K is K1, and K has pairs; all within the bars."""
     found = {

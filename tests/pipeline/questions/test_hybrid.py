@@ -60,6 +60,7 @@ def record(coarse: pytest.MonkeyPatch, log: RecordingLog, solved: list[hybrid.Pl
     return ask(case_of(), Hybrid(points=4, alpha=0.0), log)
 
 
+@pytest.mark.slow
 def test_no_plate_holds_matrices_or_factors_while_others_are_solved(
     record: HybridResult, solved: list[hybrid.Plates]
 ) -> None:

@@ -80,6 +80,7 @@ def test_every_question_is_asked_here() -> None:
     assert ASKED.keys() == registered().keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in ASKED]
 )

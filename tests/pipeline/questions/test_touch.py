@@ -40,6 +40,7 @@ def record(forced: ForcedPlate) -> TouchResult:
     return touch_of(case_of(**FILM, touch__limit_V=1e-3), QUIET, forced=forced)
 
 
+@pytest.mark.slow
 def test_every_state_is_told_and_its_power_balances(record: TouchResult) -> None:
     assert [state.state for state in record.states] == ["free", "touched", "retuned", "held", "shaped"]
     for state in record.states:

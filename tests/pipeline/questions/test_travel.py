@@ -66,6 +66,7 @@ def solved(coarsest_cells: None) -> tuple[TravelResult, Travelling]:
     return TravelResult(**values, others=0.0), wave
 
 
+@pytest.mark.slow
 def test_the_wave_travels_and_carries_what_its_losses_take(solved: tuple[TravelResult, Travelling]) -> None:
     """Power flows the way the phase turns, many times what patches in phase let through; all that comes in is lost."""
     record, _ = solved

@@ -170,6 +170,7 @@ def test_a_file_that_is_not_the_listed_one_is_not_read(tmp_path: Path):
         store.read_listed(folder, store.INPUT)
 
 
+@pytest.mark.slow
 def test_arrays_that_cannot_be_read_raise_nothing_else(tmp_path: Path):
     """Random bytes in the file, the proof made anew over them: zlib.error, MemoryError and their like are BadRecord."""
     folder, random = tmp_path / "c", np.random.default_rng(5)

@@ -98,6 +98,7 @@ def page(folder: Path) -> Page:
     return Page((folder / report_page.REPORT).read_text())
 
 
+@pytest.mark.slow
 def test_it_is_one_sound_file_that_needs_nothing_else(folder: Path, page: Page):
     assert page.read_errors == [] and page.open == []
     assert all(image["src"].startswith("data:image/") for image in page.all("img"))
@@ -458,6 +459,7 @@ def test_the_difference_of_two_meshes_is_the_largest_relative_one(folder: Path):
     assert text.band_difference(case.record) == pytest.approx(0.003)
 
 
+@pytest.mark.slow
 def test_many_cases_fold_below_the_best_and_the_appendix_holds_the_rest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

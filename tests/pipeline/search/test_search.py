@@ -514,6 +514,7 @@ def searched(coarsest_cells: None, tmp_path_factory: pytest.TempPathFactory) -> 
     return documents[0], documents[1], folder
 
 
+@pytest.mark.slow
 def test_a_search_ends_with_the_best_of_what_it_solved(searched: tuple[dict, dict, Path]) -> None:
     document, _, folder = searched
     assert document["schema"] == 2 and document["best"]["fidelity"] == PLATE

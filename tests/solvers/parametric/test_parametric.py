@@ -193,6 +193,7 @@ def test_sectors_of_a_cell_with_two_mirrors_have_every_wave_of_the_lattice() -> 
 LATTICES = [Lattice.of_rows(1.0, aspect, True) for aspect in (0.5, 0.7, 1.0)] + [Lattice.of_rows(1.0, 0.8)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lattice", LATTICES, ids=["centred square", "closer rows", "wider rows", "in line"])
 def test_bands_of_oblong_and_staggered_cells_are_those_of_their_own_meshes(lattice: Lattice) -> None:
     """Along the whole border of the zone, where no mirror parts the waves, too: above each own mesh, within the bar."""

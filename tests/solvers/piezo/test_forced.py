@@ -219,6 +219,7 @@ def test_the_plate_joined_whole_answers_as_its_mirror_classes() -> None:
     assert np.allclose(value[there[1]], values[there[0]], atol=1e-6 * np.abs(values).max())
 
 
+@pytest.mark.slow
 def test_the_driven_skin_moves_as_the_points_of_the_touch_face_do() -> None:
     """All four classes move: each with its own mirror signs along x, y and z."""
     plate = forced(LOPSIDED, (0,), ())

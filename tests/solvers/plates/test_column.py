@@ -144,6 +144,7 @@ def ring_hz(design: Design, reductions: Reductions, kx_per_m: float) -> np.ndarr
     return np.asarray(pencil.scale.frequency(eigh(k, m, eigvals_only=True)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rows", "extension_m"),
     [(2, 0.0), pytest.param(3, 0.0, marks=pytest.mark.slow), pytest.param(2, 2e-3, marks=pytest.mark.slow)],

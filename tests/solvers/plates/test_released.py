@@ -82,6 +82,7 @@ def test_a_mode_at_the_end_of_the_interval_leaves_its_count_open() -> None:
     assert span and len(span.counts) == 1
 
 
+@pytest.mark.slow
 def test_stiff_supports_are_not_released() -> None:
     for support in (replace(FOAM, bedding_n_m2=1e8), replace(MASS, mass_kg=1e-4)):
         model, modes = solved("foam")

@@ -65,6 +65,7 @@ def rises(drawn: Drawn, face: Interface, zone: FloatArray | None = None) -> tupl
     return np.array([one / other - 1.0 for one, other in found]), error, whole.dof // reduced.dof
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["hole", "inclusion", "layers", "tetrahedra", "oblique"])
 def test_sampled_waves_have_the_bands_of_the_whole_mesh_within_the_stated_error(kind: str) -> None:
     drawn = cell(kind, lean_mm=LEAN_MM if kind == "oblique" else 0.0)

@@ -48,6 +48,7 @@ def modes(design: Design, symmetry: str | None, sparing: bool) -> tuple[np.ndarr
     return found.frequency_hz, rise(own.assembled(symmetry), value, found.vectors), pencil.dof
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("design", "symmetry"), [(ASIDE, None), (CENTRED, "SS"), (CENTRED, "AA")], ids=["aside", "SS", "AA"]
 )

@@ -31,6 +31,7 @@ def entry_of(document, words: str) -> dict[str, str]:
     return next(one for one in document["comparison"] if all(word in one["quantity"] for word in words.split("|")))
 
 
+@pytest.mark.slow
 def test_document_states_what_was_chosen_and_every_quantity_of_the_text(document):
     assert len(document["assumptions"]) >= 5
     long = document["beams"][0]

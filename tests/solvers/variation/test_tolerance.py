@@ -76,6 +76,7 @@ def stand(height_m: float = PILLAR.height_m, staggered: bool = False) -> Stand:
     return Stand(design, made, reductions, forced, VariedPlate(forced, reductions.families))
 
 
+@pytest.mark.slow
 def test_a_plate_solved_whole_varies_as_by_its_classes():
     """A patch that no mirror leaves alone couples all classes: each pillar counts once, not with its mirror images."""
     design, (made, reductions) = DESIGN, model(DESIGN)
@@ -433,6 +434,7 @@ def own_level(varied: VariedPlate, change: np.ndarray) -> tuple[float, float]:
     return sample.tracked_hz, 10.0 * float(np.log10(sample.inside[at, at] / sample.outside[at, at]))
 
 
+@pytest.mark.slow
 def test_a_supported_plates_derivatives_are_differences_of_plates_assembled_anew() -> None:
     """By a pillar's height, side, place and stiffness: the space holds the first order of frequencies, and that of shapes but
     for LEFT of the mode where all pillars are off by one deviation, 20 LEFT / ln 10 of a level.
@@ -501,6 +503,7 @@ def built(have: Stand, change: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> t
     return float(modes.frequency_hz[at]), float(best.confinement_db[at])
 
 
+@pytest.mark.slow
 def test_a_larger_plates_samples_are_plates_built_pillar_by_pillar(monkeypatch: pytest.MonkeyPatch) -> None:
     """A zone off the centre of its plate with pillars around it: no mirror, no interpolation, no space of few motions."""
     have = on_larger()
@@ -513,6 +516,7 @@ def test_a_larger_plates_samples_are_plates_built_pillar_by_pillar(monkeypatch: 
     assert (np.abs((ours - ours[0]) - (theirs - theirs[0])).max(axis=0) < EACH * moved + [0.0, REDRAWN_DB]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axes", [(0,), (1,), (0, 1)])
 def test_a_larger_plate_mirrored_or_turned_answers_alike(axes: tuple[int, ...]) -> None:
     """Zone and deviations mirrored in x or y, or turned by half a turn: frequencies, and levels but for LEFT of a shape."""
