@@ -23,7 +23,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.planning import mesh_rules, simplifications
 from pipeline.planning.simplifications import CLASSES, Simplification
-from pipeline.quantity import figure, percent, several
+from pipeline.quantity import MM, figure, percent, several
 from solvers.accuracy.calibration import HEX, TET, TET_ORDER, MeshLevel
 from solvers.errors import SolverError
 from solvers.measures.confinement import target_symmetry
@@ -266,8 +266,18 @@ def by_rows(case: Case) -> Case:
     -------
     Case
         The case itself unless its lattice is oblique, or as for `by_vectors`.
+
+    Raises
+    ------
+    InputError
+        For an oblique lattice without rows along x.
     """
     vectors = row_vectors(*case.design.lattice.vectors_m)
+    if case.design.oblique_m and vectors is None:
+        one, two = ("[{:g}, {:g}]".format(*(each / MM for each in vector)) for vector in case.design.oblique_m)
+        raise InputError(
+            f"array.a1_mm: the lattice of {one} and {two} mm has no rows along x: turn its vectors until it has"
+        )
     return in_vectors(case, vectors) if vectors and (case.design.oblique_m or _is_in_one_cell(case)) else case
 
 
@@ -418,7 +428,14 @@ def with_search(case: Case, query: Request) -> Request:
 
 
 def driven_band_hz(case: Case, band_hz: tuple[float, float] | None) -> tuple[float, float]:
-    """Band of a response or an attenuation: the given one, else the case's, else one around the target mode."""
+    """Band of a response or an attenuation: the given one, else the case's, else one around the target mode.
+
+    Raises InputError for a case without any of them.
+    """
+    if not (band_hz or case.solve.band_hz or "zone" in case.given):
+        raise InputError(
+            f"{case.source or case.name}: --band: missing, it is the target mode's only where there is a [zone]"
+        )
     return band_hz or case.solve.band_hz or mesh_rules.target_window_hz(case.design)
 
 

@@ -12,6 +12,7 @@ import pytest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.cli.main import main
 from pipeline.errors import InputError
+from pipeline.planning.model_choice import by_rows, driven_band_hz
 
 RAW: dict[str, Any] = {
     "name": "vectors",
@@ -113,6 +114,18 @@ def test_commands_of_rows_refuse_an_oblique_lattice(
     assert main([command, str(file), "--quiet"]) == 2
     said = capsys.readouterr().err
     assert "array.a2_mm of an oblique lattice" in said and len(said.strip().splitlines()) == 1
+
+
+def test_attenuation_refuses_a_lattice_without_rows_along_x() -> None:
+    assert by_rows(case(a1_mm=[5.0, 0.0], a2_mm=[1.2, 4.0])).design.oblique_m
+    with pytest.raises(InputError, match=r"array.a1_mm: the lattice of .* has no rows along x: turn its"):
+        by_rows(case(a1_mm=[5.0, 1.0], a2_mm=[1.23, 4.01]))
+
+
+def test_a_band_is_requested_of_a_case_without_a_target_mode() -> None:
+    assert driven_band_hz(case(pitch_mm=5.0), (1e3, 2e3)) == (1e3, 2e3)
+    with pytest.raises(InputError, match=r"vectors: --band: missing"):
+        driven_band_hz(case(pitch_mm=5.0), None)
 
 
 def test_a_pitch_replaces_the_vectors() -> None:

@@ -20,9 +20,9 @@ def test_a_study_links_an_explorer_where_its_bases_are_kept(tmp_path: Path, monk
     model = small_explorer(tmp_path).model
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
     assert f'href="{page.NAME}"' not in page.build(folder).read_text(encoding="utf-8")
-    monkeypatch.setattr(cell_model, "kept_model", lambda case: None)
+    monkeypatch.setattr(cell_model, "kept_model", lambda case, about: None)
     assert page.put_explorer(folder, SMALL) == [] and not (folder / page.NAME).exists()
-    monkeypatch.setattr(cell_model, "kept_model", lambda case: model)
+    monkeypatch.setattr(cell_model, "kept_model", lambda case, about: model)
     assert page.put_explorer(folder, SMALL) == [folder / page.NAME]
     assert f'href="{page.NAME}"' in page.build(folder).read_text(encoding="utf-8")
 
@@ -42,8 +42,8 @@ def test_bases_are_made_where_they_are_asked_for(tmp_path: Path, monkeypatch: py
     from pipeline.batch.study_file import StudyFile
 
     model, modelled_cases = small_explorer(tmp_path).model, []
-    monkeypatch.setattr(cell_model, "kept_model", lambda case: None)
-    monkeypatch.setattr(cell_model, "cell_model", lambda case, log, offline: modelled_cases.append(case) or model)
+    monkeypatch.setattr(cell_model, "kept_model", lambda case, about: None)
+    monkeypatch.setattr(cell_model, "cell_model", lambda case, log, about: modelled_cases.append(case) or model)
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
     study = StudyFile("rows", tmp_path / "rows.toml", SMALL, (), {}, False)
     built = [folder / page.NAME, folder / "report.html"]
