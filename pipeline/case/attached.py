@@ -99,13 +99,16 @@ def _placed(design: Design, at_mm: list[float], key: str, diagnostics: Diagnosti
             diagnostics.add(key, at_mm, _crosses(vectors, radius))
             return place
         place = image
-    halves = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
-    is_outside = any(abs(each) + radius > half * (1.0 + 1e-9) for each, half in zip(place, halves, strict=True))
-    if is_outside and not (design.stagger or design.oblique_m):
-        reach = " and ".join(f"{(half - radius) / MM:g}" for half in halves)
-        what = f"must be at most {reach} mm from the cell's centre: the disc, half the plate thick, lies in the cell"
-        diagnostics.add(key, at_mm, what)
-    elif design.pillar:
+    else:
+        halves = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
+        if any(abs(each) + radius > half * (1.0 + 1e-9) for each, half in zip(place, halves, strict=True)):
+            reach = " and ".join(f"{(half - radius) / MM:g}" for half in halves)
+            what = (
+                f"must be at most {reach} mm from the cell's centre: the disc, half the plate thick, lies in the cell"
+            )
+            diagnostics.add(key, at_mm, what)
+            return place
+    if design.pillar:
         foot = [each / 2.0 for each in design.pillar.reach_m]
         if all(abs(each) - radius < half for each, half in zip(place, foot, strict=True)):
             feet = " x ".join(f"{2.0 * half / MM:g}" for half in foot)

@@ -18,7 +18,7 @@ from geometry.hex.boxes import Boxes, hex_mesh, interpolation, part_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, region_materials
 from geometry.mesh import AnyMesh, Mesh, check_mesh
-from geometry.supports import is_held_disc
+from geometry.supports import has_dampers, is_held_disc
 from geometry.tiling import Panel
 from pipeline.case.model import Case
 from pipeline.case.supports import dents
@@ -196,7 +196,8 @@ def foot_shares(design: Design, mesh: HexSettings) -> ErrorFractions:
 
 def _assembled(case: Case, choice: ModelChoice, log: Log, parted: bool) -> PlateModel:
     assert choice.reduction
-    design, zone = case.design, predesign(case.design).zone
+    design = case.design
+    zone = predesign(design).zone if has_dampers(design.supports) else None
     for line in dents(design, zone.frequency_hz) if zone else ():
         log.warning("DENT", line)
     reductions = Reductions(

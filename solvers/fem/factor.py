@@ -63,10 +63,6 @@ COPY_BYTES = 30  # bytes of it still in memory, per entry, while the factor is m
 
 AT_ONCE = 24  # columns that rslab solves at once: more of them take longer each, and twelve times their own memory
 
-# How long rslab's allocator keeps free pages for the next factor, ms; it reads this when rslab is first imported. With a
-# second, factors of large meshes took a fifth more memory and as long.
-os.environ.setdefault("MIMALLOC_PURGE_DELAY", "20")
-
 
 class SuperLU:
     """Sparse LU on the diagonal: the signs of U's diagonal count the negative eigenvalues. Source: li2005."""

@@ -110,12 +110,14 @@ class _Sampling:
     of freedom.
     """
 
+    interior: tuple[Sector, Factor] | None
+
     def __init__(self, system: System, interface: Interface, count: int, edges_m: FloatArray | None) -> None:
+        self.system, self.count = system, count
         builder = CellBuilder(system, interface, (), (), edges_m)
-        self.system, self.count, self.inside = system, count, builder.inside
         clamped = builder.clamp({})
         sector, self.shapes = clamped.sector, [clamped.shapes]
-        self.interior: tuple[Sector, Factor] | None = (sector, clamped.factor)
+        self.inside, self.interior = builder.inside, (sector, clamped.factor)
         none = np.zeros((clamped.basis.shape[1],) * 2)
         values, vectors = uncounted(sector.pencil, clamped.factor, MODES * count)
         top_hz = float(system.scale.frequency(values)[-1])
@@ -175,7 +177,7 @@ class _Sampling:
         basis = basis[:, size > SAME * size[0]]
         steps, *whole = lattice.steps
         stiffness, mass = (basis.T @ each.reshape(-1, lattice.dof, lattice.dof) @ basis for each in whole)
-        del lattice.steps, whole  # a quarter of the memory, used again only if more wavevectors join
+        del lattice.steps, whole  # made again only if more wavevectors join
         return SampledLattice(steps, stiffness, mass, lattice.cell.vectors_m, lattice.cell.scale), basis
 
     def _left(self, waves: Waves) -> tuple[FloatArray, FloatArray]:
