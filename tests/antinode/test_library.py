@@ -140,6 +140,7 @@ def test_modes_are_those_of_the_command(plate: antinode.Plate, tmp_path: Path) -
         again[0].to_pyvista()
 
 
+@pytest.mark.slow
 def test_results_are_xarray_datasets_over_their_dimensions(plate: antinode.Plate) -> None:
     bands = plate.with_(bands__points=2, bands__count=4).bands()
     data = bands.to_xarray()

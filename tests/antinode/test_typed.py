@@ -96,6 +96,7 @@ def test_mypy_sees_options_and_results(tmp_path: Path) -> None:
     assert {int(line.split(":")[1]): line.rpartition("[")[2].rstrip("]") for line in errors} == expected(0), said
 
 
+@pytest.mark.slow
 def test_pyright_sees_options_and_results(tmp_path: Path) -> None:
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(CONFIG))
     said = said_by(["pyright", "--outputjson", "--pythonpath", sys.executable], tmp_path)

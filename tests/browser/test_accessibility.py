@@ -65,6 +65,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "site"
 
 
+@pytest.mark.slow
 @needs_axe
 @pytest.mark.parametrize(("width", "scheme"), EVERY)
 @pytest.mark.parametrize("name", ["index", "gallery"])
@@ -78,6 +79,7 @@ def test_a_report(faults: Callable[..., list[str]], study: Path, width: int, sch
     assert faults(study.as_uri(), width, scheme) == []
 
 
+@pytest.mark.slow
 @needs_axe
 def test_the_explorer(faults: Callable[..., list[str]], tmp_path: Path) -> None:
     with served(small_explorer(tmp_path)) as server:

@@ -84,6 +84,7 @@ def board(make_image: Callable[..., Any], core: Any) -> Any:  # noqa: F811
     return made
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_emulated_board_and_stops_it(seen: Any, board: Any) -> None:
     from firmware.emulate.images import EmulatedPort
 

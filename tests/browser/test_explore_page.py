@@ -118,6 +118,7 @@ def test_undo_pins_and_what_does_not_fit(opened: Callable[..., Any]) -> None:
     assert not page.faults
 
 
+@pytest.mark.slow
 def test_the_plate_is_drawn_as_it_is_dragged(opened: Callable[..., Any]) -> None:
     page = opened()
     feet = "document.querySelector('#plate path.pillars').getAttribute('d').split('M').length - 1"
@@ -139,6 +140,7 @@ def test_a_phone_in_the_dark_needs_no_sideways_scrolling(opened: Callable[..., A
     assert not page.faults
 
 
+@pytest.mark.slow
 def test_a_page_whose_program_has_ended_says_so(browser: Any, explorer: Explorer, tmp_path: Path) -> None:
     """The server in a process of its own, killed under the page."""
     code = (
@@ -161,6 +163,7 @@ def test_a_page_whose_program_has_ended_says_so(browser: Any, explorer: Explorer
         page.close()
 
 
+@pytest.mark.slow
 def test_a_dot_of_the_cloud_sets_the_sliders(opened: Callable[..., Any]) -> None:
     """The design is the dot's; its level is that of the finite plate, where the dot has a column's estimate."""
     page = opened()
@@ -194,6 +197,7 @@ def test_the_decay_band_is_where_all_rows_together_take_ten_decibels(opened: Cal
     assert band(1, [12.0, 12.0, None, 12.0]) == ["10.0 to 40.0 kHz", "the row takes at least 10 dB, or more widely"]
 
 
+@pytest.mark.slow
 def test_the_cloud_keeps_to_a_window_of_frequencies(opened: Callable[..., Any]) -> None:
     """Dots of both pictures, and the front among them, are those of the designs in it; an empty end is open."""
     page = opened()
@@ -228,6 +232,7 @@ def exported(explorer: Explorer, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return path
 
 
+@pytest.mark.slow
 def test_the_exported_page_has_pythons_numbers(browser: Any, exported: Path, explorer: Explorer) -> None:
     """Bands, decay, column and shape of random designs, to 1e-4 of each; nothing asked of any network."""
     _compare(browser, exported, explorer, 3)
@@ -313,6 +318,7 @@ def _compare(browser: Any, exported: Path, explorer: Explorer, designs: int) -> 
     return str(saved)
 
 
+@pytest.mark.slow
 def test_the_exported_page_is_dragged_refuses_and_saves(browser: Any, exported: Path, tmp_path: Path) -> None:
     page = browser.new_page()
     page.goto(exported.as_uri() + "#rows=2")

@@ -96,6 +96,7 @@ def test_a_press_on_a_heading_sorts_by_pointer_and_by_keyboard(visit: Visits, st
     assert heading.get_attribute("aria-sort") is None
 
 
+@pytest.mark.slow
 def test_what_has_no_value_stays_last_in_both_directions(visit: Visits, study: Path) -> None:
     page = visit(study).page
     names = page.locator("#cases-table th").all_inner_texts()
@@ -123,6 +124,7 @@ def test_the_filter_takes_words_and_comparisons(visit: Visits, study: Path) -> N
     assert page.locator('section#table a[href="table.csv"]').is_visible()
 
 
+@pytest.mark.slow
 def test_a_mode_moves_and_stops_by_keyboard(visit: Visits, study: Path) -> None:
     page = visit(study).page
     canvas = moving(page)
@@ -264,6 +266,7 @@ def test_marks_tell_polarisations_apart_without_colour(visit: Visits, study: Pat
     assert "longitudinal" in legend and "mostly in the pillar" in legend and "target mode of the plate" in legend
 
 
+@pytest.mark.slow
 def test_a_click_on_a_wave_shows_its_shape_at_the_nearest_stored_point(visit: Visits, study: Path) -> None:
     seen = visit(study)
     page = seen.page

@@ -83,6 +83,7 @@ PAGES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_a_tutorial_runs(page: Path, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
@@ -111,6 +112,7 @@ def test_every_command_of_a_tutorial_is_one_that_there_is(page: Path) -> None:
             assert words[:2] in (["python", "-c"], ["python", "-m"], ["jupyter", "execute"])
 
 
+@pytest.mark.slow
 def test_the_first_page_answers_on_coarse_plates(
     coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

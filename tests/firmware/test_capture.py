@@ -48,6 +48,7 @@ def boards(make_image, core):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 7])
 def test_the_single_build_tells_codes_in_and_out(boards, every: int) -> None:
     board, client = boards("single")

@@ -123,6 +123,7 @@ def test_other_frequencies(core, true: float) -> None:
     assert abs(bench.held(0.2)) < 1e-3 and bench.port.elapsed_s < 10.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("true", "noise"), [(2.06e3, 1e-4), (4e3, NOISE), (8e3, NOISE)])
 def test_a_slow_plate_is_held_within_ten_seconds(core, true: float, noise: float) -> None:
     """Of a table of 2 kHz, the lowest, too. Three sweeps settle for five time constants, and record ten, twenty and ten."""
@@ -252,6 +253,7 @@ def test_recordings_that_disagree_are_refused(core) -> None:
     assert "coherence 0." in bench.refused()
 
 
+@pytest.mark.slow
 def test_report_and_picture(core, tmp_path: Path) -> None:
     bench = Bench(300.0, 0.02, others=((60.0, -0.5),))
     found = identify(bench.client)

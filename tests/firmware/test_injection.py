@@ -61,6 +61,7 @@ def test_lifts_softening_plates_retries_and_chirps_at_many_moments(core) -> None
     check_jobs(1.0, 1)
 
 
+@pytest.mark.slow
 def test_six_channels_end_as_they_should(core) -> None:
     rows = [
         injection_six.lift_row(1, 17),
@@ -81,6 +82,7 @@ def test_six_channels_end_as_they_should_at_many_moments(core) -> None:
     assert rows[-1].latched and rows[-1].held
 
 
+@pytest.mark.slow
 def test_six_channels_that_leave_their_level_are_not_taken_for_held(core, monkeypatch: pytest.MonkeyPatch) -> None:
     """The rows' own judgement: less room than the lift takes, a plate that is lost, a failed sensor and no time."""
     monkeypatch.setattr(injection_six, "LIFTED_MOST", 1.0)

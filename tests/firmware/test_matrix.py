@@ -32,6 +32,7 @@ def measured(board: HostedSix, client: Client) -> matrix.Matrix:
     return matrix.read(client)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("largest", [0.5, 0.05])
 def test_the_client_reports_what_the_matrix_rests_on(core, tmp_path: Path, largest: float) -> None:
     """A plate that answers weakly is driven harder; a glance finds that out, and no settled dwell is lost."""
@@ -108,6 +109,7 @@ def test_the_board_stands_what_the_margins_say(core, turn_deg: float, gain_db: f
     assert np.abs(board.measured - 0.05).max() < 0.1 * 0.05
 
 
+@pytest.mark.slow
 def test_a_refused_matrix_leaves_ways_to_go_on(core, monkeypatch: pytest.MonkeyPatch) -> None:
     """Those that the line names: measure again, or start all the same."""
     board, client = board_of(QUICK)

@@ -58,6 +58,7 @@ def roles(build: str) -> dict[str, str]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("build", netlist.BUILDS)
 def test_the_image_sets_up_the_pins_of_the_netlist(build: str, make_image) -> None:
     """Modes and alternate functions as the registers of the booted image have them (RM0390, data sheet's table 11)."""

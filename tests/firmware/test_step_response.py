@@ -83,6 +83,7 @@ def emulation(core) -> None:
         pytest.skip(str(missing))
 
 
+@pytest.mark.slow
 def test_step_response_of_the_table_s_own_plate(emulation) -> None:
     result = board_run(TABLE, plate_from_table(TABLE, Assumed(scale=1.0), noise=1e-3)).columns
     assert set(result) == {"time_s", "reference", "u_d", "u_q", "drive"}

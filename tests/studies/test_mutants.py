@@ -70,6 +70,7 @@ def test_every_fault_is_another_program() -> None:
     assert by["tolerance", "1e-9"].lines == (6,)  # where it is used
 
 
+@pytest.mark.slow
 def test_faults_are_judged_by_the_tests_that_run_them(checkout: Path) -> None:
     known = mutants.recorded(checkout, ["test_source.py"])
     assert {name.partition("::")[2] for name in known} == {"test_force", "test_slow"}, "a test that fails counts"

@@ -7,6 +7,7 @@ import pytest
 from studies.benchmarks import own_cell
 
 
+@pytest.mark.slow
 def test_both_programs_have_one_answer_and_a_cost() -> None:
     pytest.importorskip("skfem")
     found, apart = own_cell.compared(intervals=1, points=1, count=6)

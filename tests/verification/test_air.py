@@ -88,6 +88,7 @@ def test_the_level_is_that_of_a_monopole_where_the_plate_is_short(driven: Forced
     assert twice - once == pytest.approx(20.0 * log10(2.0), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_without_air_there_is_no_sound() -> None:
     assert sound_db(forced_plate(case(), LOG, (20e3, 40e3)), 30e3, 1.0) is None
 

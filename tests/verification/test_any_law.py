@@ -72,6 +72,7 @@ def test_free_blocks_of_five_crystals_are_right_to_their_accuracy(name: str) -> 
     assert check_block(name, 1e-4, 11, 12) <= 1e-4
 
 
+@pytest.mark.slow
 def test_a_thin_slab_of_panels_without_mirrors_has_the_modes_of_its_law() -> None:
     """Bare panels of a law without mirrors are not halved."""
     size, law = (24.0, 14.0, 2.0), {**SILICON, "axes_deg": [20.0, 15.0, 0.0]}

@@ -54,6 +54,7 @@ def test_moduli_over_frequency_do_not_scale() -> None:
     assert alike_drift(case(PLATE, PLATE).design) and alike_drift(case(varied, varied).design) is None
 
 
+@pytest.mark.slow
 def test_two_materials_drift_by_where_the_energy_sits(coarsest_cells: None) -> None:
     """The sum over materials of coefficient times strain energy is 1/Q of loss factors as large: f'/f is half of it."""
     found = drift_of(case(PLATE, PILLAR), around_K=5.0, points=3)
@@ -102,6 +103,7 @@ def test_a_finer_plate_drifts_within_the_bars() -> None:
         assert None not in (one, two, *bars) and abs(one - two) <= sum(bars)
 
 
+@pytest.mark.slow
 def test_what_is_not_known_is_said(coarsest_cells: None) -> None:
     bare = {key: PLATE[key] for key in ("young_GPa", "poisson", "density_kg_m3")}
     with pytest.raises(InputError, match="drift needs dE_dT_per_K or expansion_per_K of one of them"):

@@ -67,6 +67,7 @@ def test_a_section_without_height_and_none_are_one_case(settings: tuple[str, ...
     assert (case.to_dict() == without.to_dict()) == bool(settings)
 
 
+@pytest.mark.slow
 def test_a_section_like_the_one_below_is_a_taller_pillar() -> None:
     """Within both bars: the mesh has one line more, nothing else differs."""
     ours = lone("pillar.section.1.side_mm=0.8", "pillar.section.1.material=glass")

@@ -85,6 +85,7 @@ def compare(model: PlateModel, known: tuple[FloatArray, FloatArray], band_hz: tu
     assert np.median(bars) < 0.05
 
 
+@pytest.mark.slow
 def test_the_twist_of_a_plate_on_a_clamped_disc(monkeypatch: pytest.MonkeyPatch) -> None:
     """With fewer layers at the rim, whose bar is the wider, so that the proof takes seconds."""
     monkeypatch.setattr(held, "LAYERS", 1)
@@ -98,6 +99,7 @@ def test_the_twist_of_a_plate_on_a_clamped_disc(monkeypatch: pytest.MonkeyPatch)
     assert errors.mesh[0] < 0.02 and tone == pytest.approx(exact, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_disc_is_solved_once_for_plates_whose_panels_about_it_are_alike(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

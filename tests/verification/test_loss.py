@@ -210,6 +210,7 @@ def test_a_patch_that_loses_more_damps_its_plate():
     assert losses[1] == pytest.approx(2.0 * losses[0], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_plate_reduced_without_loss_says_so():
     with pytest.raises(SolverError, match="without the loss"):
         reduced(DESIGN, lossy=False).lost("SS", np.zeros((1, 1)))
@@ -345,6 +346,7 @@ def test_the_loss_of_a_wave_is_the_sum_of_the_derivatives_of_its_frequency() -> 
                     assert 1.0 / quality == pytest.approx(factor, rel=0.01)
 
 
+@pytest.mark.slow
 def test_waves_of_one_loss_have_its_quality_factor() -> None:
     bands = bands_of(banded(10.0, 3.0, "material.loss_factor=0.02", "pillar.material.loss_factor=0.02"), LOG)
     known = [quality for point in bands.points for quality in point.quality_factor or () if quality is not None]

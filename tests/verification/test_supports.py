@@ -177,6 +177,7 @@ def test_rigid_motions_that_are_left(supports: list[Support], rigid: int) -> Non
     assert rigid_count(tile(bare_design(supports), 6e-3), THICK) == rigid
 
 
+@pytest.mark.slow
 def test_a_plate_on_a_soft_spring_bounces_as_a_rigid_body() -> None:
     """w2 = k / (M + m), lower by the plate's own softness: k over that of its first bending, 1e-4 here."""
     plain = LENGTH * WIDTH * THICK * ALUMINIUM.density_kg_m3

@@ -228,6 +228,7 @@ with ThreadPoolExecutor(len(designs)) as pool:
 """
 
 
+@pytest.mark.slow
 def test_several_threads_build_their_first_solids_at_once():
     """In a process of its own: only the first call of each overload may meet another one."""
     done = subprocess.run([sys.executable, "-c", TOGETHER], capture_output=True, text=True, check=False)

@@ -49,6 +49,7 @@ def starts(folder: Path) -> Counter[str]:
     return Counter(path.read_text().split()) if path.exists() else Counter()
 
 
+@pytest.mark.slow
 def test_every_way_to_end_is_recorded_by_name_and_stops_no_other(tmp_path: Path):
     fates = {1: "raise", 2: "kill", 3: "bug", 4: "memory", 5: "alarm", 6: "full"}
     outcome = run(tmp_path, fake_study.jobs(8, fates=fates))
@@ -131,6 +132,7 @@ def test_threads_share_the_cores(tmp_path: Path):
     assert store.read_record(tmp_path / "two/value=0")["other"]["threads"] == "1"
 
 
+@pytest.mark.slow
 def test_cases_that_would_not_fit_into_memory_wait(tmp_path: Path):
     huge = 2 * psutil.virtual_memory().total
     jobs = [replace(job, forecaster=lambda: Forecast(huge)) for job in fake_study.jobs(3)]
@@ -308,6 +310,7 @@ def test_an_interruption_ends_within_seconds_and_keeps_what_was_finished(tmp_pat
         assert (tmp_path / name / "run.mess").read_text().endswith("--- DIAGNOSTIC JOB : <S>_INTERRUPTED\n")
 
 
+@pytest.mark.slow
 def test_workers_of_a_killed_run_do_not_go_on(tmp_path: Path):
     process = start(tmp_path, "--cases", "2", "--seconds", "60")
     wait_for(lambda: len(starts(tmp_path)) == 2)
@@ -384,6 +387,7 @@ def test_a_worker_with_other_sources_is_refused(tmp_path: Path):
     assert end.status == "FAILED" and "sources of this worker differ" in end.diagnosis and starts(tmp_path) == {}
 
 
+@pytest.mark.slow
 def test_a_second_run_of_the_same_study_is_refused_in_one_line(tmp_path: Path):
     first = start(tmp_path, "--cases", "2", "--seconds", "3")
     wait_for((tmp_path / "journal.jsonl").exists)
@@ -394,6 +398,7 @@ def test_a_second_run_of_the_same_study_is_refused_in_one_line(tmp_path: Path):
     assert second.returncode == 2 and len(errors) == 1 and f"process {first.pid}" in errors[0]
 
 
+@pytest.mark.slow
 def test_one_worker_killed_from_outside_fails_one_case(tmp_path: Path):
     process = start(tmp_path, "--cases", "4", "--seconds", "1")
     wait_for(lambda: len(starts(tmp_path)) >= 2)

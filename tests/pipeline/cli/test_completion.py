@@ -25,6 +25,7 @@ def offered(line: str, folder: Path) -> list[str]:
     return [word.strip() for word in done.stdout.split("\n")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "target", "unwanted"),
     [

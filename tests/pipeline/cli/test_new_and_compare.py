@@ -320,6 +320,7 @@ def commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.Ar
             yield from [*commands(sub)] or [(name, sub)]
 
 
+@pytest.mark.slow
 def test_what_is_left_out_is_logged_when_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["modes", SMALL, "--part", "pillar", "--count", "1", "--set", "solve.accuracy=0.1"]
     assert main(words) == 0

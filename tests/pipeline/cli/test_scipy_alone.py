@@ -84,6 +84,7 @@ def test_modes_are_found_counted_and_clean(what: str, capsys: pytest.CaptureFixt
     assert max(mode["residual"] for mode in result["modes"]) <= eigen.CLEAN_RESIDUAL
 
 
+@pytest.mark.slow
 def test_bands_and_attenuation_are_found(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(answer(capsys, "bands", SMALL, *BANDS)["points"]) == 4
     points = answer(capsys, "attenuation", SMALL, *COARSE, "--band", "30kHz:30.5kHz", "--points", "9")["points"]

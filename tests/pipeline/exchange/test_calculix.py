@@ -79,6 +79,7 @@ def test_an_independent_reader_finds_nodes_elements_and_sets(tmp_path: Path) -> 
         assert np.array_equal(np.sort(read.point_sets[name]), result.nodes_of(name))
 
 
+@pytest.mark.slow
 def test_surfaces_name_the_faces_that_calculix_means() -> None:
     result = plate()
     text = finite_elements.input_deck(result, 10)

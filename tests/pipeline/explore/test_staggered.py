@@ -66,6 +66,7 @@ def test_a_pillar_wider_than_half_a_pitch_holds_is_refused(explorer: Explorer) -
     assert "does not fit pitch = 5.6 mm" in text and "a panel 0.5 pitches wide" in text
 
 
+@pytest.mark.slow
 def test_bands_and_decay_are_those_of_the_lattice(explorer: Explorer) -> None:
     """The decay at a frequency that a real wavenumber across the rows has is none; bands at every labelled wavevector."""
     given = explorer.scene.own() | {"height": 6.6, "pitch": 6.2}
@@ -90,6 +91,7 @@ def test_bands_and_decay_are_those_of_the_lattice(explorer: Explorer) -> None:
     assert np.abs(Row(live, kx).waves(float(flexural_hz)).db_per_row).min() < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [{}, {"rows": 3.0, "extension": 8.0, "height": 6.6}])
 def test_the_live_plate_is_the_plate_assembled_of_the_same_cells(explorer: Explorer, change: dict[str, float]) -> None:
     """What waves of one column leave out of two free ends lies within the bar."""

@@ -95,6 +95,7 @@ def test_flexural_waves_are_those_of_the_plane_wave_expansion(
     assert shift.max() > 10.0 * missed(found.points[1].frequencies_hz[0], mass)  # more than theory misses
 
 
+@pytest.mark.slow
 def test_a_resonator_of_no_stiffness_changes_nothing() -> None:
     quick: dict[str, Any] = {"solve": {"accuracy": 0.1}, "bands": {"points": 1, "count": 3, "path": "GX"}}
     quick["array"] = {"pitch_mm": 2.0}
@@ -102,6 +103,7 @@ def test_a_resonator_of_no_stiffness_changes_nothing() -> None:
     assert [p.frequencies_hz for p in none.points] == [p.frequencies_hz for p in loose.points]
 
 
+@pytest.mark.slow
 def test_matrices_hold_what_is_attached() -> None:
     line = np.linspace(-2e-3, 2e-3, 5)
     mesh = hex_mesh(Boxes(line, line, np.array([0.0, 1e-3]), np.zeros((4, 4, 1), dtype=int), ("plate",)), 2)

@@ -48,6 +48,7 @@ def solved(*settings: str) -> tuple[SolvedBands, RecordingLog]:
     return solve_bands(case(*settings), log), log
 
 
+@pytest.mark.slow
 def test_points_tell_polarisation_parity_branch_and_group_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse_cells.put_in(monkeypatch)  # a mesh that tells its own error
     result, log = solved("bands.points=6", "bands.count=8")

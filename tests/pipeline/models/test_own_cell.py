@@ -198,6 +198,7 @@ def test_a_group_of_steel_makes_the_modes_of_a_mesh_heavier(tmp_path: Path) -> N
     )
 
 
+@pytest.mark.slow
 def test_meshes_that_cannot_be_compared_say_so(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     one, thin = (written(grid(1, 1, "plate", finer), tmp_path / f"{finer}.msh") for finer in (1, 2))
     hole = written(grid(1, 1, "hole"), tmp_path / "hole.msh")

@@ -138,6 +138,7 @@ def test_rows_of_the_reference_cell_transmit_as_the_pillars_do(tmp_path: Path) -
         assert abs(one.taken_db - two.taken_db) <= one.taken_error_db + two.taken_error_db
 
 
+@pytest.mark.slow
 def test_rows_of_bare_cells_are_bare_plate(tmp_path: Path) -> None:
     scene = plate(2)
     file = written(cell(count=6), tmp_path / "cell.msh")

@@ -162,6 +162,7 @@ def test_a_file_in_metres_is_doubted_in_one_line(tmp_path: Path) -> None:
         step_cell(broken, (PITCH_M, PITCH_M), THICK_M)
 
 
+@pytest.mark.slow
 def test_what_a_cell_from_a_file_cannot_have_is_refused(tmp_path: Path) -> None:
     file = written("hole", tmp_path)
     own: dict[str, Any] = {"cell": {"file": file}}

@@ -131,6 +131,7 @@ def test_a_missing_pillar_against_an_independent_finite_element_cell() -> None:
             assert bar is not None and two - (one - two) - bar * hz <= hz <= two + bar * hz
 
 
+@pytest.mark.slow
 def test_a_missing_pillar_moves_the_folded_bands() -> None:
     scene = case(bands={"points": 1, "count": 6, "path": "GM"})
     whole, lacking = bands(scene, "2x1"), bands(scene.but({"defect": [{"at": [1, 0], "remove": True}]}), "2x1")

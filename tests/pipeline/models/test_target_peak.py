@@ -107,6 +107,7 @@ def test_no_peak_is_higher_than_the_highest_however_narrow(tmp_path: Path) -> No
     assert [peak["quality_factor"] for peak in peaks] == pytest.approx([1e6] * 2, rel=0.05)
 
 
+@pytest.mark.slow
 def test_it_is_said_and_so_is_a_band_without_the_target_mode(capsys: pytest.CaptureFixture[str]) -> None:
     small = str(ROOT / "examples" / "small.toml")
     assert main(["response", small, "--quiet", "--points", "51", *PATCHED]) == 0

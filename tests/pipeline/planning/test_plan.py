@@ -349,6 +349,7 @@ def test_explain_refuses_what_the_command_refuses(
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_a_dry_run_tells_the_plan_of_each_case(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "rows", "--dry-run", "--verbose"]) == 0
     text = capsys.readouterr().out
@@ -446,6 +447,7 @@ BARE = (
 )
 
 
+@pytest.mark.slow
 def test_a_scene_without_pillars_patches_and_response_does_none_of_their_work(tmp_path: Path) -> None:
     result = traced(tmp_path, BARE)
     for what, places in WORK.items():

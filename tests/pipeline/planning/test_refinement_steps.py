@@ -49,6 +49,7 @@ def climbs(log: RecordingLog) -> list[str]:
     return [line for line in log.facts if "degree 3 along the sides instead of 2" in line]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("too_low")
 def test_a_degree_too_low_is_raised_and_every_mode_comes_down() -> None:
     low, kept = solved(0.1)

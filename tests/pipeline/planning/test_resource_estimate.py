@@ -346,6 +346,7 @@ def test_a_plate_on_soft_foam_is_kept_once_and_one_on_stiff_foam_twice() -> None
     assert most(replace(foam, kind="simple", bedding_n_m2=0.0)) == pytest.approx(stiff, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_every_key_that_a_text_names_is_one_of_the_schema() -> None:
     """What looks like a key of a case in any string of the program, docstrings apart, is a key, a table or a file."""
     keys = {*known_keys()}

@@ -17,6 +17,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(rendering, "_faults", [])
 
 
+@pytest.mark.slow
 def test_by_pyvista_or_with_the_reason_why_not():
     images, fault = rendering.render([PLAIN, COLOURED])
     assert len(images) == 2 and all(rendering.image_fault(image) == "" for image in images)

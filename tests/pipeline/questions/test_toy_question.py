@@ -92,6 +92,7 @@ def test_its_tables_are_one_and_it_is_drawn(toy: ModuleType, tmp_path: Path) -> 
     assert (tmp_path / "m.svg").stat().st_size > 1000 and (tmp_path / "mass.svg").exists()
 
 
+@pytest.mark.slow
 def test_it_is_a_column_of_a_sweep_a_part_of_each_record_and_a_section_of_the_page(
     toy: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

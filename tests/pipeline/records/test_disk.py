@@ -112,6 +112,7 @@ def test_fields_on_demand_hold_every_mode_and_no_less(computed: Path) -> None:
     np.testing.assert_allclose(kept, scaled(target), atol=1.3e-4)
 
 
+@pytest.mark.slow
 def test_a_case_keeps_no_fields_unless_asked(tmp_path: Path) -> None:
     case = load_case(CASE, [*SMALL, "array.rows=0"])
     payload = {"case": case.to_dict(), "overrides": [*SMALL, "array.rows=0"], "measure": ["modes"]}

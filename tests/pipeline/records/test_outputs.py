@@ -210,6 +210,7 @@ def test_what_no_terminal_can_show_is_escaped() -> None:
     assert len(one_line("x" * 10**6)) < 2100 and one_line("x" * 10**6 + "end").endswith("xend")
 
 
+@pytest.mark.slow
 def test_files_are_written_though_nobody_reads_standard_output(case: Path) -> None:
     words = f"{sys.executable} -m antinode predesign c.toml --json x.json --csv x.csv --plot x.svg | true"
     done = subprocess.run(["bash", "-c", f"set -o pipefail; {words}"], env=os.environ | {"PYTHONPATH": str(ROOT)})
@@ -217,6 +218,7 @@ def test_files_are_written_though_nobody_reads_standard_output(case: Path) -> No
     assert all(Path(name).stat().st_size for name in ("x.json", "x.csv", "x.svg"))
 
 
+@pytest.mark.slow
 def test_closed_standard_streams_are_no_fault(case: Path) -> None:
     words = f"{sys.executable} -m antinode predesign c.toml --json x.json >&- 2>&-"
     done = subprocess.run(["bash", "-c", words], env=os.environ | {"PYTHONPATH": str(ROOT)})

@@ -90,6 +90,7 @@ def test_a_crack_goes_as_the_square_root_in_any_law() -> None:
     assert edge_exponent((Wedge(turned, pi - 1e-9),)) == 1.0
 
 
+@pytest.mark.slow
 def test_a_crack_along_a_bond_goes_as_the_square_root_times_an_oscillation() -> None:
     """Of any two laws: a = 1/2 + i epsilon (and two wedges of one law are one wedge)."""
     turned = MATERIALS["silicon"].turned((20.0, 30.0, 40.0))

@@ -93,6 +93,7 @@ def test_what_was_taken_is_what_the_finer_mesh_lies_above(pair: tuple[str, str])
     assert (taken > 0.0).all() and np.abs(above - taken).max() < 10.0 * (taken**2).max()
 
 
+@pytest.mark.slow
 def test_the_matrices_without_what_was_taken_are_those_of_the_mesh_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     one = cell(*PAIRS[0], 3)
     monkeypatch.setattr(assembled.Reductions, "coarser", lambda self, panel: None)

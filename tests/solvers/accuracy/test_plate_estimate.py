@@ -40,6 +40,7 @@ def test_the_worst_error_stays_below_the_worst_estimate(along: int, top_hz: floa
     assert 0.0 < actual <= coarse[1] + coarse[2]
 
 
+@pytest.mark.slow
 def test_each_estimate_answers_to_its_own_cause() -> None:
     assert plate(2, 900e3)[2] > 3.0 * plate(4, 900e3)[2]  # degrees
     assert plate(4, 300e3)[1] > 3.0 * plate(4, 900e3)[1]  # fixed-interface modes

@@ -52,6 +52,7 @@ def quality(plate: ForcedPlate, tone: float) -> float:
     return top / (high - low)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("circuit", ["short", "open"])
 def test_rates_are_those_of_the_factor_read_again(circuit: str) -> None:
     plate = ForcedPlate(patched(), PLATE, Drive((0,), (1,), BAND_HZ, QUALITY, circuit))

@@ -52,6 +52,7 @@ def test_rigid_motions_of_a_bare_panel_meet_no_force_and_carry_its_mass() -> Non
     assert cell.touch.weights is not None and cell.touch.weights.sum() == pytest.approx(SIZE[0] * SIZE[1], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_bare_panel_is_that_of_a_fine_mesh() -> None:
     """Both are Ritz, and their boundaries alike: the few polynomials of the inside lie above a mesh of order 4, but closely."""
     half = SIZE[0] / 2.0, SIZE[1] / 2.0
@@ -62,6 +63,7 @@ def test_a_bare_panel_is_that_of_a_fine_mesh() -> None:
     assert ours == pytest.approx(theirs, rel=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pillars", [(), (True,), (True, False), (False, True)])
 def test_a_rows_matrices_are_real_in_their_coordinates(pillars: tuple[bool, ...]) -> None:
     """Also of two panels in a pitch, a pillar in the first or in the second."""
@@ -120,6 +122,7 @@ def test_condensed_modes_keep_their_bound_however_wide_the_window() -> None:
     assert len(off) > 10 and off.max() < (1.0 - low_hz / high_hz) ** 2 / finite.REACH**2 / 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [1, 2, 3])
 def test_the_condensed_column_of_staggered_rows_has_the_columns_modes(rows: int) -> None:
     design = replace(DESIGN, pitch_x_m=6e-3, rows=rows, stagger=True)

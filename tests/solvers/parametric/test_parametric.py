@@ -145,6 +145,7 @@ def test_sectors_have_every_wave_of_the_lattice(cells: tuple[ParametricCell, ...
     assert lattice.c2_symmetry is not None
 
 
+@pytest.mark.slow
 def test_bands_of_unseen_designs_hold_their_bar(
     cells: tuple[ParametricCell, ...], bases: BandBases, plain: list[Cell]
 ) -> None:

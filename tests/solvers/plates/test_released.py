@@ -41,6 +41,7 @@ def solved(name: str) -> tuple[PlateModel, Modes]:
     return model, modes_in_band(model.pencil(None), *BAND)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_counts_are_those_of_a_factorisation(name: str) -> None:
     model, modes = solved(name)
@@ -74,6 +75,7 @@ def test_no_motion_meets_more_of_a_support_than_the_bound(name: str) -> None:
         assert largest <= bound * (1.0 + 1e-9) + 1e-14 and bound <= 30.0 * largest + 1e-12
 
 
+@pytest.mark.slow
 def test_a_mode_at_the_end_of_the_interval_leaves_its_count_open() -> None:
     model, modes = solved("foam")
     top = float(modes.frequency_hz[-1]) * (1.0 + 1e-7)

@@ -74,11 +74,13 @@ def test_sampled_waves_have_the_bands_of_the_whole_mesh_within_the_stated_error(
     assert error < ALLOWED or kind == "tetrahedra"  # nodes so uneven hold few boundary functions
 
 
+@pytest.mark.slow
 def test_wavevectors_off_the_path_are_as_close_where_the_zone_is_checked() -> None:
     found, error, _ = rises(cell("inclusion"), Interface(12, 2), IN_THE_ZONE)
     assert found.max() < min(error, ALLOWED)
 
 
+@pytest.mark.slow
 def test_too_few_boundary_functions_are_stated() -> None:
     found, error, _ = rises(cell("inclusion"), Interface(5, 2))
     assert ALLOWED < found.max() < error < 20.0 * found.max()

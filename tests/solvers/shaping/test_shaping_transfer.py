@@ -158,6 +158,7 @@ def test_inverse_reaches_the_target():
     assert matrix @ exact.voltages == pytest.approx(target) and exact.error < 1e-12
 
 
+@pytest.mark.slow
 def test_limited_voltages_are_the_constrained_minimum():
     for _ in range(5):
         matrix, target = matrix_of(5), matrix_of(5)[0]

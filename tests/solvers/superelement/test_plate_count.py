@@ -68,6 +68,7 @@ def test_above_the_modes_left_out_nothing_is_bounded() -> None:
     assert more_below(coarse.assembled("SS"), coarse.pencil("SS"), 1.01 * lowest) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("top_hz", "pillars"), [(2e3, False), (400e3, True), (700e3, False)])
 def test_the_estimate_is_the_true_error_to_first_order(top_hz: float, pillars: bool) -> None:
     """Residual flexibility: within 5 % of the rise over the same meshes with all modes to 3 MHz, where that is below 0.5 %."""

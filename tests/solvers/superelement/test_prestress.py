@@ -30,6 +30,7 @@ REDUCTIONS = Reductions(
 PANEL = Panel((-2e-3, -1.5e-3), (2e-3, 1.5e-3), (0.0, 0.0), (0, 1))
 
 
+@pytest.mark.slow
 def test_a_quarter_of_a_panel_has_the_stress_fields_of_the_whole() -> None:
     quarter, half, whole = (prestress_of(REDUCTIONS.cell(replace(PANEL, halved=axes))) for axes in ((0, 1), (1,), ()))
     count = REDUCTIONS.reduction.interface.count

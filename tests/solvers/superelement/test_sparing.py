@@ -62,6 +62,7 @@ def test_frequencies_rise_by_what_is_foreseen(design: Design, symmetry: str | No
     assert (foreseen <= 3.0 * risen).all()
 
 
+@pytest.mark.slow
 def test_the_loss_is_in_the_bar() -> None:
     plate, pencil = model(ASIDE, True).assembled(None), model(ASIDE, True).pencil(None)
     found = modes_near(pencil, 0.6 * HIGH_HZ, 3)
@@ -80,6 +81,7 @@ def test_panels_about_feet_and_supports_keep_everything() -> None:
     assert (len(tiling.x) - 2, len(tiling.y) - 2) not in full
 
 
+@pytest.mark.slow
 def test_shorter_waves_need_more_and_too_short_ones_everything() -> None:
     bare = [cell for name, cell in model(ASIDE, False).cells.items() if name[2] == np.inf]
     cells = [max(bare, key=lambda cell: cell.size_m[0])]

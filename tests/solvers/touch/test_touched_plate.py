@@ -132,6 +132,7 @@ SUPPORTS = (
 )
 
 
+@pytest.mark.slow
 def test_a_finger_on_a_supported_plate_meets_a_direct_solve_of_the_free_one_with_both_added() -> None:
     """Springs and masses as sums over their own points of the four classes; the discs' rules differ by 1e-3 of them."""
     free_plate, design = patched(), replace(DESIGN, supports=SUPPORTS)

@@ -335,6 +335,7 @@ def test_all_pillars_higher_is_the_plate_designed_so() -> None:
     assert mine - nominal == pytest.approx(theirs - nominal, rel=0.05, abs=0.02 * nominal / QUALITY)
 
 
+@pytest.mark.slow
 def test_all_pillars_stiffer_is_the_plate_of_that_material() -> None:
     """Three standard deviations: a plate whose pillars have 15 % more of every constant, reduced anew."""
     made, reductions = model(DESIGN, STIFFER)

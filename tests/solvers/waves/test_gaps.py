@@ -148,6 +148,7 @@ def lattice() -> ReducedLattice:
     return ReducedLattice(Reductions(Stack.of(2e-3, ALUMINIUM), PILLAR, reduction).cell(panel))
 
 
+@pytest.mark.slow
 def test_three_points_a_leg_give_the_edges_of_twenty_five_and_of_a_brute_search() -> None:
     """An oblong cell: edges inside segments, not only at their ends."""
     result = []
@@ -168,6 +169,7 @@ def test_three_points_a_leg_give_the_edges_of_twenty_five_and_of_a_brute_search(
     assert first.lower_hz > float(lattice().frequencies(k[-1], first.lower_band)[-1]) * (1.0 + 1e-4)  # not at X
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [9, 24])
 def test_frequencies_alone_give_the_same_edges(points: int) -> None:
     """Without group velocities: the chords of the neighbouring intervals say where to search."""
