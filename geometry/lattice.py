@@ -170,12 +170,31 @@ def place_in_cell(vectors: Vectors, at: Sequence[float], radius: float) -> tuple
     """
     edges = np.array(vectors)
     shares = np.asarray(at) @ np.linalg.inv(edges)
-    shares = shares - np.floor(shares + HALF)
-    room = (HALF - np.abs(shares)) * abs(np.linalg.det(edges)) / np.linalg.norm(edges[::-1], axis=1)
-    if room.min() < radius * (1.0 - SAME):
+    place = (shares - np.floor(shares + HALF)) @ edges
+    if room_in_cell(vectors, place) < radius * (1.0 - SAME):
         return None
-    x, y = (shares @ edges).tolist()
+    x, y = place.tolist()
     return x, y
+
+
+def room_in_cell(vectors: Vectors, points: FloatArray) -> float:
+    """Compute the least distance of points from the sides of the cell of two vectors about the origin.
+
+    Parameters
+    ----------
+    vectors : tuple of tuple
+        Vectors (x, y) along the sides of the cell, in any unit.
+    points : ndarray, shape (..., 2)
+        Points (x, y) in that unit.
+
+    Returns
+    -------
+    float
+        In that unit; negative for points beyond a side.
+    """
+    edges = np.array(vectors)
+    shares = np.abs(points @ np.linalg.inv(edges))
+    return float(((HALF - shares) * abs(np.linalg.det(edges)) / np.linalg.norm(edges[::-1], axis=1)).min())
 
 
 def shortest_vectors(a1: Sequence[float], a2: Sequence[float]) -> Vectors:

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from geometry.elements import BoolArray, FloatArray
-from geometry.lattice import Lattice
+from geometry.lattice import Lattice, room_in_cell
 from geometry.materials import USUAL_C, Layer, Material, PiezoMaterial, Stack
 from geometry.outline import Outline
 from geometry.pillar_shapes import PillarShape, shape_of
@@ -577,6 +577,9 @@ class Design:
     @property
     def foot_room_m(self) -> float:
         """Least distance of a foot, its fillet with it, from the sides of its panel, m; infinite without pillars."""
+        if self.oblique_m:
+            feet_m = (pillar.form.outline(pillar.fillet_m) for pillar in self.kinds)
+            return min((room_in_cell(self.oblique_m, foot) for foot in feet_m), default=inf)
         width = self.pitch_x_m / (1 + self.is_staggered)
         rows = (self.of_row(row) for row in range(self.rows)) if self.rows else (self,)
         feet = ((row.pillar.reach_m, row.pitch_y_m) for row in rows if row.pillar)

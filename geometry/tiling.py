@@ -53,6 +53,7 @@ class Panel:
 
 
 Signature = tuple[float | str | Pillar | tuple[object, ...], ...]
+INNERMOST = 0.25  # of half a zone's width: panels of its first row begin no nearer to its middle
 NARROW = 0.2  # of a pitch: a narrower strip between two pillars' panels is shared by both
 DIGITS = 12  # of a length in m: panels that agree to a picometre are the same
 
@@ -337,7 +338,7 @@ def _cuts_between(design: Design) -> FloatArray:
         for end in (row - design.pitch_y_m / 2.0, row + design.pitch_y_m / 2.0):
             middle = middles[int(np.argmin(np.abs(middles - end)))]
             toward = np.sign(row - middle)
-            end = end if (end - middle) * toward > half / 4.0 else middle + toward * half / 2.0
+            end = end if (end - middle) * toward > INNERMOST * half else middle + toward * half / 2.0
             ends.append(min(max(float(end), ends[0]), ends[1]))
     lines = _distinct(ends)
     return lines[np.concatenate([[True], np.diff(lines) > 10.0**-DIGITS])]
@@ -350,7 +351,7 @@ def _cuts(design: Design) -> FloatArray:
     if len(rows):
         reach = design.row_pitches_m / 2.0
         starts = rows - reach
-        starts[0] = starts[0] if starts[0] > inner / 4.0 else inner / 2.0
+        starts[0] = starts[0] if starts[0] > INNERMOST * inner else inner / 2.0
         upper = [*starts, min(rows[-1] + reach[-1], outer)]
         if outer - upper[-1] > 10.0**-DIGITS:
             upper.append(outer)

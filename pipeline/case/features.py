@@ -17,6 +17,7 @@ OBLIQUE = "array.a2_mm"  # of a lattice without rows as pitches give them
 STRESS = "solve.temperature_C"  # of a plate whose supports hold its expansion
 UNKNOWN = "expansion_per_K"  # of a layer that supports hold
 OF_A_PLATE = (ZONES, PLACES, LARGER, OUTLINE, SUPPORTS, STRESS, UNKNOWN)  # of no consequence to a unit cell
+OF_ROWS = (*OF_A_PLATE, OBLIQUE)  # of no consequence to a zone or a pillar alone
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,8 @@ FEATURES = {
     ),
     OBLIQUE: Feature(
         lambda case: f"{OBLIQUE} of an oblique lattice" if case.design.oblique_m else "",
-        "{} needs rows along x that are in line or shifted by half a pitch (antinode bands takes any lattice,"
-        " attenuation any with rows along x)",
+        "{} supports rows in line or shifted by half a pitch only: set a2_mm to [0, q] or [p/2, q] (bands takes any lattice;"
+        " attenuation, broadband and studies of them any with rows along x)",
     ),
     DEFECTS: Feature(
         lambda case: DEFECTS if case.defects else "",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
-from geometry.layout import Design
-from geometry.tiling import Panel, lattice_panel
+from geometry.layout import SAME_M, Design
+from geometry.tiling import INNERMOST, Panel, lattice_panel
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -20,9 +20,10 @@ from pipeline.models.answer_parts import BroadbandPoint, Transmission
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.plate_cell import OwnRows
 from pipeline.planning import mesh_rules
-from pipeline.planning.model_choice import check_stagger, driven_band_hz
+from pipeline.planning.model_choice import by_rows, check_stagger, driven_band_hz
 from pipeline.planning.refinement import MARGIN
 from pipeline.planning.simplifications import hexahedra
+from pipeline.quantity import MM
 from solvers.accuracy import calibration
 from solvers.measures.confinement import CONFINED_DB
 from solvers.measures.target_mode import verdict
@@ -107,8 +108,9 @@ def end_errors(
 def checked(case: Case) -> Design:
     """Return the design of a case whose rows stop a band; InputError like `broadband`."""
     case.require("plate", "zone", "pillar", "array.pitch_mm", "array.rows", command="broadband")
+    case = of_rows(case)
     design = case.design
-    said = []
+    said = list(_without_room(design))
     if not design.is_mirrored:
         said.append("broadband needs a plate that is its own mirror image along x and y: turn the material's axes back")
     if not hexahedra(case, "plate"):
@@ -119,6 +121,29 @@ def checked(case: Case) -> Design:
     if design.is_staggered:
         check_stagger(case)
     return design
+
+
+def of_rows(case: Case) -> Case:
+    """Return the case with cells of its rows along x, oblique ones only where rows are several; errors like `by_rows`."""
+    case = by_rows(case)
+    if not case.design.oblique_m or case.design.rows > 1:
+        return case
+    return replace(case, design=replace(case.design, oblique_m=None))  # a single row has no next one
+
+
+def _without_room(design: Design) -> Iterator[str]:
+    """Yield the faults of a plate on which oblique cells, with their pillars in the middle, would be cut short."""
+    if not (design.oblique_m and design.rows and design.pillar):
+        return
+    starts, ends = design.row_centres()[[0, -1]] + np.array([-0.5, 0.5]) * design.pitch_y_m
+    lacking, beyond = INNERMOST * design.width_m / 2.0 - starts, ends - design.half_span_m
+    what = "for oblique cells, whose pillars are in their middle"
+    if lacking >= 0.0:  # a wider zone moves its first row outwards
+        least = design.width_m + 2.0 * lacking / (1.0 - INNERMOST)
+        yield f"zone.width_mm = {design.width_m / MM:g}: must be above {least / MM:g} {what}"
+    if beyond > SAME_M:
+        least = design.extension_m + beyond
+        yield f"array.extension_mm = {design.extension_m / MM:g}: must be at least {least / MM:g} {what}"
 
 
 def check_rows(case: Case, more: Sequence[str] = ()) -> None:
@@ -154,7 +179,7 @@ def _model(
             for strip, row in zip(column.strips, column.rows, strict=True)
             if any(panel.foot for panel in strip)
         ]
-        panel = reductions.cell(lattice_panel(replace(design, pillar=None), count))
+        panel = reductions.cell(lattice_panel(replace(design, pillar=None, oblique_m=None), count))
         bare = Row(Periodic([panel] * count), kx)
     log.info(
         f"column: {len(column.placed_cells)} cells across half the plate, {column.dof} degrees of freedom; "
@@ -173,7 +198,8 @@ def _attached(strip: tuple[Panel, ...]) -> list[Panel]:
     assert feet.foot
     low, high, middle = feet.low[1], feet.high[1], feet.foot[1]
     low, high = (low, 2.0 * middle - low) if "y+" in feet.free else (2.0 * middle - high, high)
-    return [replace(p, low=(p.low[0], low), high=(p.high[0], high), halved=(0, 1), free=()) for p in strip]
+    halved = () if feet.edges_m else (0, 1)
+    return [replace(p, low=(p.low[0], low), high=(p.high[0], high), halved=halved, free=()) for p in strip]
 
 
 def _through(rows: Sequence[Row], bare: Row, frequency_hz: float) -> Transmission | None:

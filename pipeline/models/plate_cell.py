@@ -89,7 +89,7 @@ class OwnRows:
 
 
 def in_own_vectors(case: Case, body: Body) -> Case:
-    """Return the case with the vectors along the sides of an oblique cell as those of its lattice.
+    """Return the case with the vectors along the sides of an oblique cell as those of its lattice, and pitches of its rows.
 
     Parameters
     ----------
@@ -106,8 +106,8 @@ def in_own_vectors(case: Case, body: Body) -> Case:
     if body.edges_m is None:
         return case
     (x1, y1), (x2, y2) = body.edges_m.tolist()
-    design = replace(case.design, pitch_x_m=float(np.hypot(x1, y1)), pitch_y_m=float(np.hypot(x2, y2)), stagger=False)
-    return replace(case, design=replace(design, oblique_m=((x1, y1), (x2, y2))))
+    design = replace(case.design, pitch_x_m=x1, pitch_y_m=y2, stagger=False, oblique_m=((x1, y1), (x2, y2)))
+    return replace(case, design=design)
 
 
 def plate_cell(case: Case, bodies: Sequence[Body], ratio: float, log: Log, high_hz: float) -> LatticeModel:
@@ -192,13 +192,9 @@ def step_rows(case: Case, edge_m: float, log: Log) -> OwnRows:
 
 
 def _laid_out(case: Case, body: Body, known: float | None) -> OwnRows:
-    if body.edges_m is not None:
-        what = "broadband needs a square or rectangular lattice: give its rectangular supercell"
-        raise InputError(f"{case.source or case.name}: array: {what}")
-    place = Pillar(
-        "square", case.design.pitch_y_m, case.design.pitch_y_m, case.design.thickness_m, case.design.material
-    )
-    return OwnRows(replace(case.design, pillar=place, graded=(), graded_pitches_m=(), cell_file=None), body, known)
+    design = in_own_vectors(case, body).design
+    place = Pillar("square", design.pitch_y_m, design.pitch_y_m, design.thickness_m, design.material)
+    return OwnRows(replace(design, pillar=place, graded=(), graded_pitches_m=(), cell_file=None), body, known)
 
 
 def _change(fine: ReducedLattice, coarse: ReducedLattice, wavevector: FloatArray, count: int) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
-from math import ceil, inf, pi, prod, sqrt
+from math import ceil, hypot, inf, pi, prod, sqrt
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, half_wavelength_m
@@ -230,7 +230,7 @@ def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> 
 
     most_hz: upper limit of the first cut-off, for slow pillars with many modes that the requested bands do not need.
     """
-    longest = max(design.pitch_x_m, design.pitch_y_m)
+    longest = max(design.pitch_x_m, design.pitch_y_m, *_leaning_m(design))
     top = 1.5 * shear_cutoff_hz(design) * 2.0 * design.thickness_m / max(2.0 * design.thickness_m, longest)
     top = min(top, most_hz) * _finer(accuracy)
     tight = design.stagger and is_tight(design)  # cells in line try further degrees on a coarse mesh
@@ -248,7 +248,8 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
     They include further degrees through the thickness if the plate is not thin for these waves, or if feet are close to the
     sides of their panels. Bare panels are at most one shear wavelength long, and their elements half of one.
     """
-    longest = max(design.pitch_x_m, *design.row_pitches_m) if design.rows else 3.0 * design.thickness_m
+    sides = (design.pitch_x_m, *design.row_pitches_m, *_leaning_m(design))
+    longest = max(sides) if design.rows else 3.0 * design.thickness_m
     share = longest / design.line_spacing_m
     limits = next(each for least, each in ALONG.items() if accuracy >= least)
     along = next((degree for degree, limit in limits.items() if share <= limit), 6)
@@ -264,6 +265,11 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
     size = min(bare_size_m(design, mesh.order) or inf, wave_m / 2.0)
     reduction = ReductionSettings(face, cutoff_to_hz(design, accuracy, high_hz), mesh, longest, size, further)
     return replace(reduction, hexahedra=with_nodes_for(reduction.ample, mesh))
+
+
+def _leaning_m(design: Design) -> list[float]:
+    """Lengths of the sides of an oblique cell, m; none of a rectangle."""
+    return [hypot(*side) for side in design.oblique_m or ()]
 
 
 def cutoff_to_hz(design: Design, accuracy: float, high_hz: float) -> float:

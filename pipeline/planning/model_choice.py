@@ -265,7 +265,8 @@ def by_rows(case: Case) -> Case:
     Returns
     -------
     Case
-        The case itself unless its lattice is oblique, or as for `by_vectors`.
+        The case itself unless its lattice is oblique, or as for `by_vectors`; its pitches are those along a row and from row to
+        row.
 
     Raises
     ------
@@ -278,7 +279,10 @@ def by_rows(case: Case) -> Case:
         raise InputError(
             f"array.a1_mm: the lattice of {one} and {two} mm has no rows along x: turn its vectors until it has"
         )
-    return in_vectors(case, vectors) if vectors and (case.design.oblique_m or _is_in_one_cell(case)) else case
+    if not vectors or not (case.design.oblique_m or _is_in_one_cell(case)):
+        return case
+    own = in_vectors(case, vectors)
+    return replace(own, design=replace(own.design, pitch_x_m=vectors[0][0], pitch_y_m=vectors[1][1]))
 
 
 def in_vectors(case: Case, vectors: Vectors) -> Case:

@@ -76,8 +76,9 @@ def hexahedra(case: Case, part: str) -> Simplification | None:
     from_file = {"plate": design.outline, "cell": design.cell_file}.get(part)
     if case.solve.mesh == "tet" or from_file:
         return None
-    if part == "cell" and design.oblique_m and design.pillar:
-        fit = fits(design.oblique_m, design.pillar)
+    if part in ("cell", "plate") and design.oblique_m and design.pillar:
+        vectors, pillars = design.oblique_m, design.kinds if part == "plate" else (design.pillar,)
+        fit = all(fits(vectors, pillar) for pillar in pillars)
         return Simplification("oblique", "CAD and tetrahedra", WHY_CURVED) if fit else None
     shaped = {"zone": False, "pillar": True, "cell": True, "plate": bool(design.rows)}[part]
     if not shaped or all(pillar.is_made_of_boxes for pillar in design.kinds):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import nan
 from typing import Any
 
-from pipeline.case.features import CELL, GROUPS
+from pipeline.case.features import CELL, GROUPS, OBLIQUE
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.answer_parts import BroadbandPoint
 from pipeline.quantity import KHZ, frequency_with_bar, interval, with_bar
@@ -155,7 +155,7 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
 class Broadband(
     Question[BroadbandResult],
     needs=("plate", "zone", "array.pitch_mm", "array.rows"),
-    honours=(CELL,),
+    honours=(CELL, OBLIQUE),
     example="broadband studies/three-rows.toml --set array.heights_mm=[6.3,6.0,5.7] --band 25kHz:45kHz",
 ):
     """Compute the attenuation by the rows and the confinement of a driven zone over frequency, in dB; rows may differ.
@@ -183,7 +183,9 @@ class Broadband(
 
     @classmethod
     def spared(cls, case: Case) -> simplifications.Simplification | None:
-        if case.design.rows and simplifications.hexahedra(case, "plate"):
+        from pipeline.models.broadband import of_rows
+
+        if case.design.rows and simplifications.hexahedra(of_rows(case), "plate"):
             return None
         return simplifications.Simplification(
             "no_rows", "broadband", "it needs rows of pillars that hexahedra can mesh"
@@ -203,7 +205,7 @@ class Broadband(
 
 class MeshBroadband(
     OfCellMeshes, Broadband, Question[BroadbandResult],
-    instead_of="broadband", by="mesh_file", needs=("plate", "zone", "array.pitch_mm", "array.rows"), honours=(GROUPS,),
+    instead_of="broadband", by="mesh_file", needs=("plate", "zone", "array.pitch_mm", "array.rows"), honours=(GROUPS, OBLIQUE),
 ):  # fmt: skip
     """Compute the attenuation and the confinement by rows of your own mesh of a unit cell, in dB, over frequency.
 

@@ -25,6 +25,7 @@ from pipeline.logs import Log
 from pipeline.models.broadband import checked
 from pipeline.models.forced import check_zones
 from pipeline.planning import simplifications
+from pipeline.planning.model_choice import check_stagger
 from pipeline.planning.simplifications import Simplification
 from pipeline.quantity import figure, frequency
 from pipeline.search.fidelity import (
@@ -398,7 +399,8 @@ def check(space: Space, settings: Settings) -> None:
         raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate confines nothing")
     if settings.goal == "widest":
         case.refuse("search --goal widest", (ZONES,))
-        checked(case)
+        if checked(case).oblique_m:  # no plate can be joined from such cells
+            check_stagger(case)
     if settings.goal == "worst" and not (case.tolerance and case.tolerance.height_m):
         raise InputError(f"{space.path}: tolerance.height_mm: missing, --goal worst needs the deviation of heights")
     margin = case.design.extension_m or case.design.larger_m

@@ -215,7 +215,8 @@ def forced_bars(
 # One column of reduced cells across the plate, repeated along x with a phase: the plate as the target wave sees it.
 # K(k) and M(k) of the column are the cells' own, their sides x-, x+ tied by exp(i k p_x), their edges shared along y;
 # the mirror y = 0 halves it where the plate has one zone. What it leaves out is the plate's two ends; it costs one
-# column instead of all.
+# column instead of all. A row of oblique cells ends further along x than it begins, and the strips beyond follow it: their
+# motion is counted without the phase of that shift, so that edges are shared as in a straight column.
 
 
 @dataclass(frozen=True)
@@ -382,7 +383,8 @@ class Column:
             places.append(y)
             weights.append(touch.weights)
             across = np.cos(pi * self.design.from_zone_m(y) / self.design.width_m)
-            x = touch.points[:, 0] + place.row.periodic.middles_m[place.index]
+            lean_m = place.row.periodic.lattice.a2_m[0]  # a cell's middle is half of it beyond that of its lower edge
+            x = touch.points[:, 0] + place.row.periodic.middles_m[place.index] + lean_m / 2.0
             shapes.append(np.exp(1j * self.kx * x) * across)
         y_m, area_m2, moved, target = (np.concatenate(part) for part in (places, weights, values, shapes))
         return Profile(y_m, area_m2, moved, target, self.scale.mass_kg)
@@ -396,7 +398,8 @@ def _numbered(live: BoolArray, start: int) -> tuple[IntArray, int]:
 def column_strips(design: Design, max_edge_m: float, panels: int | None = None) -> list[tuple[Panel, ...]]:
     """List the panels of one column along y by strip; with one zone, from its middle outwards.
 
-    With staggered rows, each pitch has two panels, with the pillar in one or the other.
+    With staggered rows, each pitch has two panels, with the pillar in one or the other. A row of an oblique lattice has a
+    panel along its vectors, the first of them along x, with the pillar in its middle.
 
     Parameters
     ----------
@@ -415,7 +418,7 @@ def column_strips(design: Design, max_edge_m: float, panels: int | None = None) 
     Raises
     ------
     SolverError
-        If a plate with one zone has no panel edge at y = 0.
+        If a plate with one zone has no panel edge at y = 0, or the pillar of an oblique panel is not in its middle.
     """
     width = max_edge_m if isnan(design.pitch_x_m) or not design.rows else design.pitch_x_m
     count = (panels or 1 + design.is_staggered) if design.rows else 1
@@ -436,9 +439,13 @@ def column_strips(design: Design, max_edge_m: float, panels: int | None = None) 
         for index in range(count):
             foot = (0.0, float(feet[row])) if row is not None and index == row % count else None
             free = at_end if foot else ()
-            even = foot is None or (abs(foot[1] - (low + high) / 2.0) < 10.0**-DIGITS and not free)
-            halved = (0, 1) if even else (0,)
-            strip.append(Panel((-half, low), (half, high), foot, halved, free, own.get(foot[1]) if foot else None))
+            centred = foot is None or abs(foot[1] - (low + high) / 2.0) < 10.0**-DIGITS
+            edges = design.oblique_m if foot else None
+            if edges and not centred:
+                raise SolverError("the pillars of oblique cells must be in the middle of their strips")
+            halved = () if edges else (0, 1) if centred and not free else (0,)
+            pillar = own.get(foot[1]) if foot else None
+            strip.append(Panel((-half, low), (half, high), foot, halved, free, pillar, edges_m=edges))
         strips.append(tuple(strip))
     return strips
 
@@ -447,5 +454,5 @@ def _centred(panel: Panel) -> Panel:
     """The same panel with its middle at the origin: equal panels are then equal."""
     middle = panel.middle[1]
     low, high = (round(edge - middle, 12) for edge in (panel.low[1], panel.high[1]))
-    foot = (0.0, round(panel.foot[1] - middle, 12)) if panel.foot else None
+    foot = (panel.foot[0], round(panel.foot[1] - middle, 12)) if panel.foot else None
     return replace(panel, low=(panel.low[0], low), high=(panel.high[0], high), foot=foot)

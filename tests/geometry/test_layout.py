@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import pi
+from math import inf, pi
 from pathlib import Path
 
 import pytest
@@ -35,3 +35,15 @@ def test_design_case_search_and_predesign_say_the_same() -> None:
     assert Limits(half_wavelength_m=0.9999 * half).of_design(case.design)
     rigid = replace(case.design, nodal_lines=1)
     assert rigid.half_wavelength_m is None and Limits(half_wavelength_m=0.1).of_design(rigid)  # the whole length counts
+
+
+def test_a_foot_has_room_up_to_the_leaning_sides_of_an_oblique_cell() -> None:
+    """Sides along (6, 8) are 4 apart, and the corner of a square of side 1 nearest to them 0.5 (0.8 + 0.6) from the middle."""
+    design = load_case(CASE).design
+    assert design.pillar
+    foot = replace(design.pillar, base_m=1e-3, tip_m=1e-3)
+    cell = replace(design, pillar=foot, pitch_x_m=5e-3, pitch_y_m=8e-3)
+    leaning = replace(cell, oblique_m=((5e-3, 0.0), (6e-3, 8e-3)))
+    assert cell.foot_room_m == pytest.approx(2e-3)
+    assert leaning.foot_room_m == pytest.approx(2e-3 - 0.7e-3)
+    assert replace(leaning, pillar=None).foot_room_m == inf

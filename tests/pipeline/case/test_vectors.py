@@ -102,7 +102,7 @@ def test_squares_whose_corners_pass_each_other_may_stand_closer_than_their_diago
         near([0.9, 0.9])
 
 
-@pytest.mark.parametrize("command", ["broadband", "modes", "predesign", "response", "explore"])
+@pytest.mark.parametrize("command", ["modes", "response", "explore"])
 def test_commands_of_rows_refuse_an_oblique_lattice(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -42,6 +42,12 @@ def test_staggered_rows_are_chosen_where_they_stop_the_wider_band(
     assert outcome.repeat[-1] == "array.stagger=true"
 
 
+def test_shifted_rows_of_pillars_wider_than_half_a_pitch_are_refused_at_once() -> None:
+    wide = (*SMALL, "array.stagger=true", "array.pitch_mm=3.5", "solve.mesh=hex")
+    with pytest.raises(InputError, match=r"cells half a pitch wide need array\.pitch_x_mm above 4"):
+        optimiser.check(read_space(CASE, wide, ["pillar.height_mm=6:7"]), Settings("widest"))
+
+
 @pytest.mark.slow
 def test_their_band_begins_where_the_lattice_has_no_more_flexural_waves(coarsest_cells: None) -> None:
     """At the target wavenumber; three rows take 10 dB over the lower part of the lattice's gap, about the target mode."""

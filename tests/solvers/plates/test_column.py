@@ -13,8 +13,10 @@ from scipy.linalg import eigh
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS, Stack
-from geometry.tiling import Tiling, signature, tile
+from geometry.materials import MATERIALS, Material, Stack
+from geometry.tiling import Panel, Tiling, signature, tile
+from solvers.accuracy.calibration import mixing
+from solvers.accuracy.reduction import MARGIN
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem.eigen import modes_in_band
 from solvers.measures.confinement import measure
@@ -162,6 +164,62 @@ def test_a_column_of_staggered_rows_is_a_plate_two_panels_wide_with_its_ends_tie
     assert np.abs(tones[:, None] / inside - 1.0).min(axis=1).max() < 1e-9
     line = Column(replace(staggered, stagger=False), own, kx).solve(10e3, 60e3)[0]
     assert np.abs(tones[:, None] / line - 1.0).min(axis=1).max() > 1e-3
+
+
+TONES_HZ = np.linspace(20e3, 36e3, 5)
+SHIFT_M = 2e-3  # of each row beyond the one before
+ASIDE = replace(DESIGN, width_m=8e-3, pitch_x_m=6e-3, pitch_y_m=6e-3, rows=2, extension_m=5e-3)
+OBLIQUE = replace(ASIDE, oblique_m=((6e-3, 0.0), (SHIFT_M, 6e-3)))
+
+
+@pytest.mark.slow
+def test_rows_of_oblique_cells_are_feet_aside_in_rectangles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two rows, one cell each: parallelograms about their feet, or rectangles with feet on either side of their middles.
+
+    Modes and the levels of the driven zone, within the sums of both bars; rows in line are further away.
+    """
+    fine = replace(REDUCTION, hexahedra=replace(REDUCTION.hexahedra, layers=1, factor=0.15))
+
+    def aside(design: Design, *more: object) -> list[tuple[Panel, ...]]:
+        places = iter((-SHIFT_M / 2.0, SHIFT_M / 2.0))
+        strips = column_strips(design, *more)  # type: ignore[arg-type]
+        return [
+            tuple(replace(p, foot=(next(places), p.foot[1]), halved=(1,)) if p.foot else p for p in strip)
+            for strip in strips
+        ]
+
+    def driven(design: Design) -> tuple[np.ndarray, ...]:
+        column = Column(design, reductions(design, fine), 500.0).driven(TONES_HZ, 300.0)
+        errors = column.errors()
+        bar = errors.mesh + MARGIN * errors.total
+        return column.modes.frequency_hz[:6], bar[:6], column.confinement_db, column.bar_db(bar, mixing() or np.nan)
+
+    tones, bar, level, bar_db = driven(OBLIQUE)
+    line = driven(ASIDE)
+    monkeypatch.setattr("solvers.plates.column.column_strips", aside)
+    other, its_bar, its_level, its_bar_db = driven(ASIDE)
+    assert (np.abs(other / tones - 1.0) <= bar + its_bar).all() and (bar + its_bar)[:4].max() < 0.01
+    assert (np.abs(level - its_level) <= bar_db + its_bar_db).all()
+    assert (np.abs(line[0] / tones - 1.0) > bar + line[1])[:3].all()
+
+
+def test_oblique_cells_of_almost_no_pillars_are_the_same_plate_as_rectangular_ones() -> None:
+    """Frequencies within the truncation errors, and the likeness to the target shape, which is counted along x from one line.
+
+    Counted from elsewhere in the first row by half of its shift, 0.35 rad, it would fall by 0.02.
+    """
+    feather = Material.isotropic("feather", 70e3, 2.7e-3, 0.34)  # a millionth of aluminium, in which waves are as fast
+    rows, rough = replace(OBLIQUE, pillar=Pillar("square", 2e-3, 2e-3, 1e-3, feather)), Interface(4, 2)
+    tones, likeness, errors = [], [], []
+    for design in (rows, replace(rows, oblique_m=None)):
+        driven = Column(design, reductions(design, replace(REDUCTION, interface=rough)), 350.0).driven(TONES_HZ, 300.0)
+        inside = (driven.modes.frequency_hz > 30e3) & (driven.modes.frequency_hz < 150e3)
+        tones.append(driven.modes.frequency_hz[inside])
+        likeness.append(driven.modes.confinement.mac[inside])
+        errors.append(driven.errors().total[inside])
+    assert len(tones[0]) == len(tones[1]) == 3
+    assert (np.abs(tones[0] / tones[1] - 1.0) <= sum(errors)).all() and max(map(max, errors)) < 0.03
+    assert likeness[0] == pytest.approx(likeness[1], abs=0.005)
 
 
 @pytest.mark.slow
