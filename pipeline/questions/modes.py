@@ -9,7 +9,7 @@ from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
-from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, OUTLINE, PLACES, STRESS, SUPPORTS, ZONES
+from pipeline.case.features import GROUPS, LARGER, OF_ROWS, OUTLINE, PLACES, STRESS, SUPPORTS, ZONES
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
 from pipeline.models.answer_parts import ALONG, CountRecord, ModeRecord, TargetMode, TargetRecord, ZoneTarget
@@ -352,7 +352,7 @@ class Modes(
 
     def honoured(self) -> tuple[str, ...]:
         """Return what the part honours: a zone or a pillar alone has nothing of the plate."""
-        return self.honours if self.part == "plate" else OF_A_PLATE
+        return self.honours if self.part == "plate" else OF_ROWS
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case that lacks the part, and for a band together with a frequency."""
@@ -455,7 +455,7 @@ class ZoneModes(
     in_studies_only=True,
     aliases=("parts",),
     at_own_frequencies=True,
-    honours=OF_A_PLATE,
+    honours=OF_ROWS,
 ):
     """Compute the modes of the isolated zone, to compare with the pre-design."""
 

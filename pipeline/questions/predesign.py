@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from pipeline.case.features import OF_A_PLATE
+from pipeline.case.features import OF_ROWS
 from pipeline.quantity import figure, frequency, percent, percentage
 from pipeline.questions.late import Axes, Case, Plan, outputs, style
 from pipeline.questions.question import Question, Run
@@ -144,7 +144,7 @@ class PredesignResult(Result, axes=("part", "quantity")):
         return f"<antinode.Predesign: zone {frequency(self.zone_hz)}{height}>"
 
 
-class Predesign(Question[PredesignResult], needs=("plate", "zone"), is_quick=True, honours=OF_A_PLATE):
+class Predesign(Question[PredesignResult], needs=("plate", "zone"), is_quick=True, honours=OF_ROWS):
     """Size zone and pillar analytically: frequencies in Hz, lengths in mm.
 
     >>> import antinode

@@ -16,7 +16,7 @@ from pipeline.case.features import (
     GROUPS,
     LARGER,
     OBLIQUE,
-    OF_A_PLATE,
+    OF_ROWS,
     OUTLINE,
     PLACES,
     STRESS,
@@ -138,7 +138,7 @@ def test_scatter_is_of_any_rectangle_but_a_batch_of_plates_as_long_as_their_zone
 
 
 def test_a_zone_or_a_pillar_alone_has_nothing_of_the_plate() -> None:
-    for feature in OF_A_PLATE:
+    for feature in OF_ROWS:
         Modes(part="pillar").suited(case_with(feature))
     with pytest.raises(InputError, match=r"zone\.count = 2"):
         Modes().suited(case_with(ZONES))
