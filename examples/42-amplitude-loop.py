@@ -10,4 +10,4 @@ plate = antinode.Plate(
 )
 loop = plate.active_dq(settling_time_s=2e-3)
 print(f"time constant without control: {1e3 * loop.plant['tau_s']:.2f} ms, stable: {loop.margins['stable']}")
-loop.plot().figure.savefig("amplitude-loop.png")
+loop.pictures()[0].figure.savefig("amplitude-loop.png")  # the step response

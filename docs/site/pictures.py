@@ -21,7 +21,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-from PIL import Image, ImageOps
+from PIL import Image, ImageChops, ImageOps
 
 from pipeline.records.store import code_hash
 
@@ -29,7 +29,13 @@ SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[1]
 FIGURES = ("superelement", "superelement-convergence", "error-bars", "decay-band")
 PAGE, THUMBNAILS = ROOT / "docs" / "gallery.md", ROOT / "docs" / "pictures" / "gallery"
-TILE = (320, 220)  # pixels of a thumbnail
+TILE, FRAME = (480, 330), 14  # pixels of a thumbnail, and of the white about a picture
+NARROW = """{python} -c 'import runpy, sys
+from pipeline.cli import main
+from pipeline.plots import style
+style.WIDTH_IN = 5.2
+program, *words = sys.argv[1:]
+sys.exit(main.main(words) if program == "antinode" else runpy.run_path(words[0]) and 0)' """  # letters stay readable
 INTRODUCTION = """\
 # Gallery
 
@@ -126,18 +132,17 @@ def figure_examples() -> list[Example]:
     return drawn + [Example(each["name"], each["name"], each["picture"], each["command"], "") for each in listed]
 
 
-def made(example: Example, cache: Path) -> float:
-    """Make an example's picture unless the cache has it; the processor seconds that its command took."""
-    sources = hashlib.sha256(
-        f"{code_hash()} {example.command} {(SITE / 'figures.py').read_text()}".encode()
-    ).hexdigest()
+def made(example: Example, cache: Path, before: str = "") -> float:
+    """Make an example's picture unless the cache has it; the processor seconds that its command took, with words before it."""
+    command = before + example.command
+    sources = hashlib.sha256(f"{code_hash()} {command} {(SITE / 'figures.py').read_text()}".encode()).hexdigest()
     picture, note = cache / example.file, cache / f"{example.name}.json"
     if note.exists() and picture.exists() and (known := json.loads(note.read_text()))["sources"] == sources:
         return float(known["seconds"])
     with tempfile.TemporaryDirectory() as folder:
         for name in ("examples", "studies", "docs"):
             (Path(folder) / name).symlink_to(ROOT / name)
-        seconds = run(example.command, Path(folder))
+        seconds = run(command, Path(folder))
         cache.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(Path(folder) / example.picture, picture)
     note.write_text(json.dumps({"sources": sources, "seconds": seconds}))
@@ -222,20 +227,23 @@ def thumbnail(picture: Path, target: Path) -> None:
     """Write a picture that fits into a tile: a frame of a film with the largest motion, few colours, a small file."""
     with Image.open(picture) as opened:
         opened.seek(getattr(opened, "n_frames", 1) // 4)
-        small = ImageOps.pad(opened.convert("RGB"), TILE, Image.Resampling.LANCZOS, color="white")
+        whole = opened.convert("RGB")
+    drawn = ImageChops.difference(whole, Image.new("RGB", whole.size, "white")).getbbox()
+    small = ImageOps.pad(whole.crop(drawn), TILE, Image.Resampling.LANCZOS, color="white")
     small.quantize(64).save(target, optimize=True)
 
 
 def refresh(names: Sequence[str]) -> None:
-    """Make the thumbnails of some examples, or of all, as bitmaps of their pictures, and write the gallery's page."""
+    """Make the thumbnails of some examples, or of all, by their commands on a narrower page, and write the gallery's page."""
     for example in examples():
         if example.name in names or not names:
             with tempfile.TemporaryDirectory() as folder:
-                made(example, Path(folder))
                 picture = Path(folder) / example.file
-                thumbnail(bitmap(picture) if picture.suffix == ".svg" else picture, THUMBNAILS / f"{example.name}.png")
                 if (whole := THUMBNAILS.parent / example.picture).exists():  # that a page shows
+                    made(example, Path(folder))
                     shutil.copyfile(picture, whole)
+                made(example, Path(folder), NARROW.format(python=sys.executable))
+                thumbnail(bitmap(picture) if picture.suffix == ".svg" else picture, THUMBNAILS / f"{example.name}.png")
     PAGE.write_text("\n".join(gallery_page()), encoding="utf-8")
 
 

@@ -57,6 +57,11 @@ def _skin(part_modes: PartModes, index: int) -> Skin:
     return part_modes.model.skin(row.symmetry, part_modes.vectors[row.symmetry][:, [row.column]])
 
 
+def whole_skin(part_modes: PartModes, index: int) -> Skin:
+    """Return the surface of the whole body in one mode."""
+    return _skin(part_modes, index).unfolded(part_modes.rows[index].symmetry)
+
+
 def shapes(part_modes: PartModes, design: Design) -> dict[str, Any]:
     """Describe the modes that carry most of the target shape on the active face: target, frequency_hz, share, coefficients."""
     assert part_modes.target
@@ -84,8 +89,7 @@ def nearest_rows(part_modes: PartModes, index: int) -> list[int]:
 
 def closed_surface(part_modes: PartModes, case: Case, index: int) -> Any:
     """Return a pyvista PolyData in m of the whole body in one mode; `displacement` (points, 3) has unit modal mass."""
-    row = part_modes.rows[index]
-    skin = _skin(part_modes, index).unfolded(row.symmetry)
+    row, skin = part_modes.rows[index], whole_skin(part_modes, index)
     thickness_m = case.design.thickness_m if part_modes.part == "plate" else None
     return _polydata(skin, thickness_m, row.frequency_hz, {"displacement": skin.displacement[0]})
 

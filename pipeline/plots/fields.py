@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import TriMesh
 
+    from solvers.fem.surface import Skin
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 ZONE_EDGE: dict[str, Any] = {"color": "black", "lw": 0.9, "ls": (0, (5, 3))}
@@ -217,6 +219,47 @@ def _aligned(arrays: dict[str, Any], points: FloatArray, uz: FloatArray, faces: 
     other = NearestNDInterpolator(arrays["touch_xy"], arrays["touch_uz"][0])(points[nodes, :2])
     sign = 1.0 if float(other @ uz[nodes]) >= 0 else -1.0
     return sign * uz / float(np.max(np.abs(uz[nodes])))
+
+
+def draw_touch(axes: Axes, arrays: dict[str, Any], design: DesignRecord) -> None:
+    """Draw the first shape of touch_* arrays in a corner of its axes, with zone and footprints."""
+    _paint(axes, arrays, arrays["touch_uz"][0] / zone_peak(arrays, design), design)
+
+
+EYE = np.array([1.0, -1.6, 1.3])  # direction from a body to the eye
+SHADE = 0.35  # of a face that looks away from the eye
+
+
+def draw_bodies(axes: Axes, skins: Sequence[Skin], captions: Sequence[str], reach_m: float) -> None:
+    """Draw moved bodies side by side in parallel projection, coloured by the component of largest displacement.
+
+    reach_m: largest displacement as drawn.
+    """
+    from matplotlib import colormaps
+    from matplotlib.collections import PolyCollection
+
+    eye = EYE / np.linalg.norm(EYE)
+    right = np.cross([0.0, 0.0, 1.0], eye) / np.linalg.norm(eye[:2])
+    up, left_mm = np.cross(eye, right), 0.0
+    for skin, caption in zip(skins, captions, strict=True):
+        motion = skin.displacement[0] / max(float(np.abs(skin.displacement[0]).max()), 1e-300)
+        value = motion[:, np.abs(motion).max(axis=0).argmax()][skin.facets].mean(axis=1)
+        corners = (skin.points + reach_m * motion)[skin.facets]
+        order = np.argsort(corners.mean(axis=1) @ eye)  # the nearest last
+        normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
+        facing = np.abs(normal @ eye) / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+        colour = colormaps[style.SIGNED](0.5 + 0.5 * value)
+        colour[:, :3] *= (1.0 - SHADE * (1.0 - facing))[:, None]
+        flat = corners @ np.stack([right, up], axis=1) / MM
+        low, high = flat.min(axis=(0, 1)), flat.max(axis=(0, 1))
+        flat = (flat - low + [left_mm, 0.0])[order]
+        axes.add_collection(PolyCollection(flat, facecolors=colour[order], edgecolors="face", lw=0.3, rasterized=True))
+        middle = left_mm + (high[0] - low[0]) / 2.0
+        axes.annotate(caption, (middle, 0.0), (0.0, -4.0), textcoords="offset points", ha="center", va="top", size=8)
+        left_mm += 1.25 * (high[0] - low[0])
+    axes.autoscale_view()
+    axes.set(aspect="equal", anchor="W")
+    axes.set_axis_off()
 
 
 LOOK = {"shading": "nearest", "rasterized": True}

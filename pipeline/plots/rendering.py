@@ -327,12 +327,14 @@ def _in_plane(case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any],
     if design is None or "x above" not in picture:
         return None
     height, width = picture["x above"].shape[:2]
-    figure, panels = style.panels(2 * style.WIDTH_IN * height / width + 1.2, 2, 1)
+    grid = (1, 2) if height > width / 3 else (2, 1)  # side by side unless the plate is slender
+    figure, panels = style.panels(grid[0] * style.WIDTH_IN / grid[1] * height / width + 1.2, *grid, squeeze=False)
+    panels = panels.ravel()
     for axes, name in zip(panels, "xy", strict=True):
         image = picture[f"{name} above"]
         axes.imshow(image, extent=_extent_mm(image, design), interpolation="antialiased")
-        axes.set(title=f"Displacement along {name}, from above", ylabel="y (mm)")
-    panels[-1].set_xlabel("x (mm)")
+        axes.set(title=f"Displacement along {name}, from above", xlabel="x (mm)", ylabel="y (mm)")
+        axes.label_outer()
     limit = in_plane_limit(arrays, design)
     label = "displacement of the pillars / maximum u$_z$ in the zone (no unit)"
     _bar(figure, panels, label, (-limit, limit), style.SIGNED)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 NAMES = {"G": "Γ"}
 LABEL = {"ha": "center", "va": "center", "fontsize": 9, "clip_on": True}
 WHITE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-LEGEND_COLUMNS = 3
+LEGEND_COLUMNS, LEGEND_IN = 3, 2.5  # most columns of a legend, and the width of one
 PILLAR = "pillar"
 SUPERCELL = re.compile(r"([1-9][0-9]?)x([1-9][0-9]?)", re.ASCII)
 ONE_MESH = "no error bars: one mesh gives none; a second, finer --mesh-file of the same cell does"
@@ -343,7 +343,8 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         """Draw the bands over the path, waves marked by polarisation where known, complete gaps shaded."""
         self.draw_bands(ax)
         if len(ax.get_legend_handles_labels()[1]) > 1:
-            ax.legend(fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=LEGEND_COLUMNS)
+            columns = max(1, min(LEGEND_COLUMNS, int(ax.figure.get_window_extent().width / ax.figure.dpi / LEGEND_IN)))
+            ax.legend(fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=columns)
 
     def draw_bands(self, ax: Axes, label: str = "bands") -> None:
         """Draw the bands without a legend.

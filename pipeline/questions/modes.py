@@ -17,6 +17,7 @@ from pipeline.quantity import (
     HZ,
     KHZ,
     MM,
+    frequency,
     frequency_figure,
     frequency_with_bar,
     interval,
@@ -31,6 +32,7 @@ from pipeline.questions.late import (
     Plan,
     Simplification,
     confinement,
+    fields,
     np,
     outputs,
     plans,
@@ -52,6 +54,8 @@ BAND = "every mode between two frequencies"
 NEAR = "modes nearest to a frequency"
 PRINTED = 24  # modes in the printed table, around the target mode
 SHAPES = 4  # modes nearest the target mode in a record, which a page draws and animates
+DRAWN = 0.12  # largest displacement of a body as drawn, relative to its size
+UNGRADED: dict[str, Any] = {"graded": (), "graded_pitches_m": ()}
 COUNT = "number of modes, nearest to --near or the lowest"
 
 
@@ -208,7 +212,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             If no mode is the target mode, and for modes that were read from a file.
         """
         if mode is None:
-            at = self.target.index if self.target else None
+            at = self._target_at
             if at is None:
                 raise ValueError("none of these modes is the target mode: give the number of a mode")
             mode = at
@@ -277,6 +281,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         khz, level = self.frequency_hz / KHZ, self.array("confinement_db")
         if not np.isfinite(level).any():
             ax.plot(np.arange(1, len(khz) + 1), khz, "o", color=style.BLUE, ms=4)
+            ax.plot([place + 1 for place in self._marked], khz[self._marked], "*", color=style.VERMILION, ms=11)
             ax.set(xlabel="mode", ylabel="frequency (kHz)")
             return
         ax.plot(khz, level, "o", color=style.BLUE, ms=4)
@@ -286,8 +291,35 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         if target and target.frequency_hz is not None and target.confinement_db is not None:
             at = target.frequency_hz / KHZ, target.confinement_db
             ax.plot(*at, "*", color=style.VERMILION, ms=11, label=f"target mode ({target.status})")
-        ax.legend()
+        ax.legend(handlelength=1.2)
         ax.set(xlabel="frequency (kHz)", ylabel="confinement (dB)")
+
+    @property
+    def _target_at(self) -> int | None:
+        return self.target.index if self.target else None
+
+    @property
+    def has_shape(self) -> bool:
+        """Whether a shape is known: the target mode of a plate, or any mode of another part."""
+        return self.solved is not None and len(self) > 0 and (self.part != "plate" or self._target_at is not None)
+
+    def illustrate(self, ax: Axes) -> None:
+        """Draw the target mode of plate or zone on the touch face, or the bodies of the first modes of another part."""
+        from pipeline.models.mode_fields import whole_skin
+        from pipeline.records.record import DesignRecord
+        from pipeline.records.surface_codec import touch_arrays
+
+        at = self._target_at
+        shown = range(min(len(self), SHAPES)) if at is None else [at]
+        skins = [whole_skin(self.solved, place) for place in shown]
+        captions = [frequency(self.modes[place].frequency_hz) for place in shown]
+        if at is None:
+            fields.draw_bodies(ax, skins, captions, DRAWN * float(np.ptp(skins[0].points, axis=0).max()))
+            return
+        design = self.case.design
+        alone = design if self.part == "plate" else replace(design.zone_alone, rows=0, extension_m=0.0, **UNGRADED)
+        fields.draw_touch(ax, touch_arrays(skins), DesignRecord.of_design(alone))
+        ax.set_title(f"Target mode, {captions[0]}")
 
     def fields(self) -> dict[str, Any]:
         """Return the field of every mode, as `--save-all-fields` writes it into fields.npz.

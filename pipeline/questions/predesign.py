@@ -7,19 +7,26 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.case.features import OF_ROWS
 from pipeline.quantity import figure, frequency, percent, percentage
-from pipeline.questions.late import Axes, Case, Plan, outputs, style
+from pipeline.questions.late import Axes, Case, Plan, fields, np, outputs, style
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result
-from pipeline.records.part import Part, column
+from pipeline.records.part import Part, column, live
 
 if TYPE_CHECKING:
-    from geometry.layout import Design
+    from geometry.layout import Design, Pillar
     from solvers.analytic.predesign import PillarSize, ZoneSize
+    from solvers.fem.surface import Skin
 
 THEORIES = {  # names in the result, and in the calibration
     "zone": {"thin_clamped_hz": "thin_clamped_hz", "clamped_hz": "clamped_hz"},
     "pillar": {"given_euler_hz": "euler", "given_timoshenko_hz": "timoshenko"},
 }
+STACKED = ((0.42, 0.58), (0.0, 0.3))  # lower end and height of zone and pillar beside the chart
+BENT, RINGS, DRAWN = (
+    0.12,
+    9,
+    121,
+)  # bending as drawn, relative to the height; rings of a pillar; points along each side of a zone
 TUNED = 0.005  # relative to the zone's frequency: a pillar within this distance needs no other height
 EXPECTED = (
     "expected error of each frequency compared with a solid with clamped faces, relative; None without a calibration"
@@ -69,6 +76,7 @@ class PredesignResult(Result, axes=("part", "quantity")):
     zone: ZoneSizes | None = column("the zone; None without one")
     pillar: PillarSizes | None = column("the pillar; None without one")
     limits: list[str] = column("limits of these figures, in words")
+    design: Any = live("design of the case; None if read from a file")
 
     @property
     def zone_hz(self) -> float:
@@ -136,8 +144,29 @@ class PredesignResult(Result, axes=("part", "quantity")):
             for name, value in sizes.items()
             if name.endswith("_hz") and value is not None
         }
-        ax.barh(list(values), list(values.values()), color=style.BLUE)
-        ax.set(xlabel="frequency (kHz)")
+        ax.barh(list(values), list(values.values()), color=style.SKY, alpha=0.6)
+        ax.set(xlabel="frequency (kHz)", yticks=[])
+        for place, name in enumerate(values):
+            ax.annotate(name, (0.0, place), (3.0, 0.0), textcoords="offset points", va="center")
+
+    @property
+    def has_shape(self) -> bool:
+        """Whether the design is known."""
+        return self.design is not None and self.zone is not None
+
+    def illustrate(self, ax: Axes) -> None:
+        """Draw the zone's target shape from above and the first bending of the pillar, both by theory."""
+        from pipeline.records.record import DesignRecord
+
+        above, below = (ax.inset_axes((0.0, low, 1.0, high)) for low, high in STACKED)
+        fields.draw_touch(above, _target_shape(self.design), DesignRecord.of_design(self.design))
+        above.set_title(f"Target shape, {frequency(self.zone_hz)}")
+        pillar = self.design.pillar
+        ax.set_axis_off()
+        below.set_axis_off()
+        if self.pillar and pillar and not pillar.upper and not pillar.file:
+            tone = frequency(self.pillar.given_timoshenko_hz, self.pillar.expected_error.get("given_timoshenko_hz"))
+            fields.draw_bodies(below, [_first_bending(pillar)], [f"pillar, {tone}"], BENT * pillar.height_m)
 
     def __repr__(self) -> str:
         height = "" if self.pillar_height_mm is None else f", pillar {figure(self.pillar_height_mm)} mm"
@@ -169,7 +198,42 @@ def sized(design: Design) -> PredesignResult:
         zone=ZoneSizes.of(known.zone, **_about("zone", known.zone, design)) if known.zone else None,
         pillar=PillarSizes.of(known.pillar, **_about("pillar", known.pillar, design)) if known.pillar else None,
         limits=list(known.limits),
+        design=design,
     )
+
+
+def _target_shape(design: Design) -> dict[str, Any]:
+    """Return touch_* arrays of the zone's target shape by beam theory, zero beyond the zone."""
+    from matplotlib.tri import Triangulation
+
+    from solvers.analytic.beams import zone_mode
+
+    x, y = (size * np.linspace(-0.5, 0.5, DRAWN) for size in (design.length_m, design.width_m))
+    along = zone_mode(design.nodal_lines, *design.goes_on).shape(x / design.length_m + 0.5)
+    places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    uz = np.outer(along, np.cos(np.pi * y / design.width_m)).ravel()
+    places += design.centre_m
+    return {"touch_xy": places, "touch_triangles": Triangulation(*places.T).triangles, "touch_uz": uz[None]}
+
+
+def _first_bending(pillar: Pillar) -> Skin:
+    """Return a pillar's surface and its first clamped bending along x by beam theory."""
+    from solvers.analytic.beams import beam_mode
+    from solvers.fem.surface import Skin
+
+    heights = np.linspace(0.0, 1.0, RINGS)
+    rings = [pillar.form.outline((pillar.tip_m - pillar.base_m) * height / 2.0) for height in heights]
+    corners, count = np.concatenate(rings), len(rings[0])
+    points = np.column_stack([corners, np.repeat(pillar.height_m * heights, count)])
+    points = np.vstack([points, [0.0, 0.0, pillar.height_m]])
+    own = np.arange(count * (RINGS - 1)).reshape(-1, count)
+    beside = np.roll(own, -1, axis=1)
+    sides = np.stack([own, beside, beside + count, own + count], axis=-1).reshape(-1, 4)
+    rim, top = own[-1] + count, np.full(count, len(points) - 1)
+    facets = np.vstack([sides, np.stack([rim, beside[-1] + count, top, top], axis=-1)])
+    bent = np.zeros((1, *points.shape))
+    bent[0, :, 0] = beam_mode("clamped", "free", 1).shape(points[:, 2] / pillar.height_m)
+    return Skin(points, facets, bent)
 
 
 def _about(part: str, sizes: ZoneSize | PillarSize, design: Design) -> dict[str, Any]:

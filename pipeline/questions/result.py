@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pipeline.records.record import DesignRecord
 
 T = TypeVar("T")
+SHARES = (1.0, 1.15)  # widths of a drawing and of the shape next to it
 BREAK = "\n\n"  # between the summary of a docstring and its sections
 # source of a figure's error bar: property, path of a field or function of the result; relative for a frequency, else in
 # the figure's unit
@@ -143,7 +144,7 @@ class Result(Part):
         super().__init_subclass__()
         cls.table, cls.axes = table, axes
         cls.figures = {name: each for name, each in vars(cls).items() if isinstance(each, Figure)}
-        for name in ("lines", "details", "draw", "pictures", "to_rows"):
+        for name in ("lines", "details", "draw", "illustrate", "pictures", "to_rows"):
             own, of_all = vars(cls).get(name), cleandoc(getattr(Result, name).__doc__)
             if own:  # an overriding method says what differs; its parameters and returns are those of all results
                 own.__doc__ = f"{cleandoc(own.__doc__)}\n\n{of_all.partition(BREAK)[2]}\n"
@@ -172,6 +173,21 @@ class Result(Part):
 
     def draw(self, ax: Axes) -> None:
         """Draw the result into matplotlib axes.
+
+        Parameters
+        ----------
+        ax : Axes
+            Axes to draw in.
+        """
+        raise NotImplementedError
+
+    @property
+    def has_shape(self) -> bool:
+        """Whether `illustrate` can draw the thing itself."""
+        return False
+
+    def illustrate(self, ax: Axes) -> None:
+        """Draw the thing itself, such as a mode shape, next to the drawing of `draw`.
 
         Parameters
         ----------
@@ -370,7 +386,7 @@ class Result(Part):
         Parameters
         ----------
         ax : Axes, optional
-            Axes to draw in; new ones by default.
+            Axes to draw in; by default those of a new figure, which also shows the thing itself where the result has a shape.
 
         Returns
         -------
@@ -378,6 +394,9 @@ class Result(Part):
             The axes.
         """
         with style.style():
+            if ax is None and self.has_shape:
+                ax, shape = style.panels(3.6, 1, 2, width_ratios=SHARES)[1]
+                self.illustrate(shape)
             drawn: Axes = style.panels(3.6)[1] if ax is None else ax
             self.draw(drawn)
         return drawn

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
+
+from tests.helpers import synthetic
 
 Visits = Callable[..., Any]
 CANVAS = '[data-viewer="plate"] canvas'
@@ -116,6 +121,7 @@ def test_the_filter_takes_words_and_comparisons(visit: Visits, study: Path) -> N
         ("failed", ["12"]),
         ("confinement>10", ["4"]),
         ("array.pitch_mm<=6 ok", ["4", "6"]),
+        ("pitch_mm <= 6 and confinement>10", ["4"]),
         ("", ["4", "6", "12"]),
     ):
         field.fill(words)
@@ -146,6 +152,19 @@ def test_a_mode_moves_and_stops_by_keyboard(visit: Visits, study: Path) -> None:
     page.keyboard.press("+")
     wait_for_drawing(page)
     assert canvas.screenshot() != turned
+
+
+def test_the_touch_face_is_seen_from_below_to_scale(visit: Visits, study: Path) -> None:
+    page = visit(study, reduced_motion="reduce").page
+    canvas = moving(page)
+    page.locator('[data-viewer="plate"]').get_by_role("button", name="Touch face").click()
+    wait_for_drawing(page)
+    picture = np.asarray(Image.open(BytesIO(canvas.screenshot())).convert("RGB"), dtype=int)
+    across, along = (
+        np.ptp(np.flatnonzero((picture != picture[3, 3]).any(axis=2)[3:-3, 3:-3].any(axis=side))) for side in (1, 0)
+    )
+    plate = synthetic.record_of(study.parent / "pitch_mm=4,rows=1").design
+    assert along / across == pytest.approx(plate.half_length_m / plate.half_span_m, rel=0.03)
 
 
 def test_another_shape_is_another_picture_with_other_words(visit: Visits, study: Path) -> None:

@@ -3,7 +3,7 @@
 (() => {
   const PERIOD = 1600; // ms: one period, slowed down to be visible
   const VIEW = [1.0, -1.6, 1.3]; // from the body to the eye
-  const VIEWS = { reset: VIEW, below: [0.5, -0.9, -1.5], side: [0, -1, 0.06] };
+  const VIEWS = { reset: VIEW, below: [0, -1e-3, -1], side: [0, -1, 0] };
   const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
   // --- stored surfaces ---------------------------------------------------------------------------------------------

@@ -30,13 +30,14 @@
     table.tBodies[0].append(...rows);
   }
 
-  // A word matches anywhere in a row; `column>10` compares a column, named by the start of its heading without spaces.
+  // A word matches anywhere in a row; `column>10` compares a column, named by the start of its heading, or of its key, without spaces.
   const plain = (text) => text.toLowerCase().replace(/[^\p{L}\p{N}]/gu, "");
   const COMPARE = { "<": (a, b) => a < b, ">": (a, b) => a > b, "<=": (a, b) => a <= b, ">=": (a, b) => a >= b, "=": (a, b) => a === b };
   function test(table, word) {
     const [, name, sign, limit] = word.match(/^(.+?)(<=|>=|<|>|=)(-?[\d.]+(?:e-?\d+)?)$/) ?? [];
     const headings = [...table.tHead.rows[0].cells];
-    const named = (heading) => [heading.dataset.name ?? "", heading.textContent].some((text) => plain(text).startsWith(plain(name)));
+    const named = (heading) => [heading.dataset.name ?? "", heading.textContent, heading.textContent.split(".").pop()]
+      .some((text) => plain(text).startsWith(plain(name)));
     const column = name && plain(name) ? headings.findIndex(named) : -1;
     if (column < 0) return (row) => row.textContent.toLowerCase().includes(word);
     return (row) => COMPARE[sign](number(value(row, column)), Number(limit));
@@ -44,12 +45,12 @@
 
   function filter(field) {
     const table = document.getElementById(field.dataset.filter);
-    const tests = field.value.toLowerCase().split(/\s+/).filter((word) => word && word !== "and").map((word) => test(table, word));
+    const tests = field.value.toLowerCase().replace(/\s*([<>]=?|=)\s*/g, "$1").split(/\s+/).filter((word) => word && word !== "and").map((word) => test(table, word));
     const rows = [...table.tBodies[0].rows];
     for (const row of rows) row.hidden = !tests.every((holds) => holds(row));
     const shown = rows.filter((row) => !row.hidden).length;
     document.querySelector(`[data-shown="${field.dataset.filter}"]`).textContent =
-      `${shown} of ${rows.length} shown${shown ? "" : ": no row contains these words or satisfies the comparison (example: confinement>10)"}`;
+      `${shown} of ${rows.length} shown${shown ? "" : ": no row has all of it (example: confinement>10 rows=2)"}`;
   }
 
   for (const table of document.querySelectorAll("table.sortable")) {
