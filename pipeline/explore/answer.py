@@ -183,7 +183,7 @@ class Scene:
         corners = {label: (k / np.pi).tolist() for label, k in lattice_of(self.case.design).high_symmetry.items()}
         design = self.case.design
         plate = {"length_mm": round(1e3 * design.length_m, 9), "zone_mm": round(1e3 * design.width_m, 9)}
-        plate |= {"ratio": design.pitch_y_m / design.pitch_x_m, "stagger": design.stagger}
+        plate |= {"ratio": design.pitch_y_m / design.pitch_x_m, "stagger": design.stagger, "lines": design.nodal_lines}
         return {
             **{"name": self.case.name, "limits": limits, "design": self.own(), "batch": BATCH, "corners": corners},
             "plate": plate,

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +106,7 @@ def test_the_address_brings_the_design_back(opened: Callable[..., Any]) -> None:
 def test_undo_pins_and_what_does_not_fit(opened: Callable[..., Any]) -> None:
     page = opened()
     page.locator("#pin").click()
-    assert page.locator("#pins tbody tr").count() == 1
+    assert page.locator("#pins tbody tr").count() == 1 and page.locator("#pinned").is_visible()
     page.locator("#height-number").fill("8.5")
     until(page, "document.querySelector('#said').className == 'bad'")
     assert "height = 8.5 mm" in page.locator("#said").inner_text()
@@ -128,6 +129,8 @@ def test_the_plate_is_drawn_as_it_is_dragged(opened: Callable[..., Any]) -> None
     until(page, f"{feet} == {2 * len(case.design.pillar_centres())}")  # drawn before the answer is here
     assert "56.0 × 42.0 mm" in page.locator("#plate").text_content()
     until(page, READY)
+    signs = page.evaluate("[...document.querySelectorAll('#along stop')].map((stop) => stop.getAttribute('class'))")
+    assert sum(one != other for one, other in pairwise(signs)) == case.design.nodal_lines
     shown = page.locator("#bands").get_attribute("aria-label")
     page.locator("#whole").check()
     assert page.locator("#bands").get_attribute("aria-label") != shown and not page.faults

@@ -247,7 +247,14 @@ function arc(labels) {
   }
   return xs;
 }
-// from above, to scale: zone, pillars and, as shade, the motion across the plate that was computed last
+// the target shape along the zone, s from -1 to 1: that of a free beam with as many nodal lines
+function along(s, lines) {
+  if (lines < 2) return lines ? s : 1;
+  const half = (lines - 0.5) * Math.PI / 2, [round, hyper] = lines % 2 ? [Math.sin, Math.sinh] : [Math.cos, Math.cosh];
+  return (round(half * s) / round(half) + hyper(half * s) / hyper(half)) / 2;
+}
+const STOPS = 12; // of a gradient, for each nodal line
+// from above, to scale: zone, pillars and, as shade, the target shape with the motion across the plate that was computed last
 function drawPlate() {
   const svg = $("plate"), d = state.design, shown = state.shown && !state.shown.plate.why_not ? state.shown.plate : null;
   if (!state.plate || !state.zone) return;
@@ -256,11 +263,16 @@ function drawPlate() {
   const scale = Math.min(430 / length, 350 / (2 * half)), x = (v) => 20 + scale * (v + length / 2), y = (v) => 200 + scale * v;
   put(svg, "rect", { class: "plate", x: x(-length / 2), y: y(-half), width: scale * length, height: 2 * scale * half });
   if (shown) {
+    const shade = put(svg, "linearGradient", { id: "along" }), count = STOPS * (state.plate.lines + 1);
+    for (let i = 0; i <= count; i++) {
+      const u = along(2 * i / count - 1, state.plate.lines);
+      put(shade, "stop", { class: u < 0 ? "down" : "up", offset: i / count, "stop-opacity": Math.abs(u).toFixed(3) });
+    }
     const at = [0, ...shown.profile.y_mm.slice(1)], level = shown.profile.level;
     for (let i = 0; i + 1 < at.length && at[i] < half; i++)
       for (const side of [-1, 1]) {
         const ends = [side * at[i], side * Math.min(at[i + 1], half)].sort((a, b) => a - b);
-        put(svg, "rect", { class: "motion", "fill-opacity": (0.6 * (level[i] + level[i + 1]) / 2).toFixed(3), x: x(-length / 2), y: y(ends[0]), width: scale * length, height: scale * (ends[1] - ends[0]) });
+        put(svg, "rect", { class: "motion", fill: "url(#along)", "fill-opacity": (0.9 * (level[i] + level[i + 1]) / 2).toFixed(3), x: x(-length / 2), y: y(ends[0]), width: scale * length, height: scale * (ends[1] - ends[0]) });
       }
   }
   put(svg, "rect", { class: "edge", x: x(-length / 2), y: y(-state.zone / 2), width: scale * length, height: scale * state.zone });
@@ -276,7 +288,7 @@ function drawPlate() {
   const tall = 290 / Math.max(state.limits.height.high + state.limits.thickness.high, 1), foot = 320, width = tall * d.side, middle = 545;
   put(svg, "rect", { class: "plate", x: middle - 60, y: foot, width: 120, height: tall * d.thickness });
   put(svg, "rect", { class: "pillars", x: middle - width / 2, y: foot - tall * d.height, width, height: tall * d.height });
-  put(svg, "text", { x: middle, y: 392, "text-anchor": "middle" }, `${d.height} mm on ${d.thickness} mm`);
+  put(svg, "text", { x: 612, y: 392, "text-anchor": "end" }, `${d.height} mm on ${d.thickness} mm`);
   put(svg, "text", { x: x(0), y: y(half) + 16, "text-anchor": "middle" }, `${figure(length)} × ${figure(2 * half)} mm`);
 }
 const WINDOW = 1.8; // times the target frequency: where it counts
@@ -359,6 +371,7 @@ function drawCloud() {
   $("gathered").textContent = `${cloud.count} designs computed, ${cloud.points.length} have a target mode${open ? "" : `, ${points.length} of them in the window`}`;
   const best = front(points), high = Math.max(...points.map((p) => p.confinement_db));
   for (const id of ["by-frequency", "by-mass"]) $(id).replaceChildren();
+  $("cloud").hidden = !points.length;
   if (!points.length) return;
   for (const [id, text, value] of [["by-frequency", "frequency (kHz)", (p) => p.frequency_hz / 1000], ["by-mass", "mass (g)", (p) => p.mass_g]]) {
     const svg = $(id), own = points.map(value), room = 0.03 * Math.max(...own), low = Math.min(...own) - room, far = Math.max(...own) + room;
@@ -377,6 +390,7 @@ function drawCloud() {
 }
 
 function drawPins() {
+  $("pinned").hidden = !state.pins.length;
   const heads = ["Design", ...Object.values(state.limits).map((limit) => limit.word), "Target", "Confinement", "Decay band"];
   const row = (tag, texts) => {
     const tr = document.createElement("tr");
