@@ -224,9 +224,8 @@ def bitmap(drawing: Path) -> Path:
 
 
 def thumbnail(picture: Path, target: Path) -> None:
-    """Write a picture that fits into a tile: a frame of a film with the largest motion, few colours, a small file."""
+    """Write a picture that fits into a tile: the first frame of a film, of the largest motion; few colours, a small file."""
     with Image.open(picture) as opened:
-        opened.seek(getattr(opened, "n_frames", 1) // 4)
         whole = opened.convert("RGB")
     drawn = ImageChops.difference(whole, Image.new("RGB", whole.size, "white")).getbbox()
     small = ImageOps.pad(whole.crop(drawn), TILE, Image.Resampling.LANCZOS, color="white")

@@ -291,7 +291,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         if target and target.frequency_hz is not None and target.confinement_db is not None:
             at = target.frequency_hz / KHZ, target.confinement_db
             ax.plot(*at, "*", color=style.VERMILION, ms=11, label=f"target mode ({target.status})")
-        ax.legend(handlelength=1.2)
+        ax.legend(handlelength=1.2, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         ax.set(xlabel="frequency (kHz)", ylabel="confinement (dB)")
 
     @property

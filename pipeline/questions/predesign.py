@@ -21,7 +21,7 @@ THEORIES = {  # names in the result, and in the calibration
     "zone": {"thin_clamped_hz": "thin_clamped_hz", "clamped_hz": "clamped_hz"},
     "pillar": {"given_euler_hz": "euler", "given_timoshenko_hz": "timoshenko"},
 }
-STACKED = ((0.42, 0.58), (0.0, 0.3))  # lower end and height of zone and pillar beside the chart
+STACKED = ((0.42, 0.58), (0.0, 0.3))  # lower end and height of zone and pillar within their panel
 BENT, RINGS, DRAWN = (
     0.12,
     9,
@@ -227,10 +227,10 @@ def _first_bending(pillar: Pillar) -> Skin:
     points = np.column_stack([corners, np.repeat(pillar.height_m * heights, count)])
     points = np.vstack([points, [0.0, 0.0, pillar.height_m]])
     own = np.arange(count * (RINGS - 1)).reshape(-1, count)
-    beside = np.roll(own, -1, axis=1)
-    sides = np.stack([own, beside, beside + count, own + count], axis=-1).reshape(-1, 4)
+    following = np.roll(own, -1, axis=1)
+    sides = np.stack([own, following, following + count, own + count], axis=-1).reshape(-1, 4)
     rim, top = own[-1] + count, np.full(count, len(points) - 1)
-    facets = np.vstack([sides, np.stack([rim, beside[-1] + count, top, top], axis=-1)])
+    facets = np.vstack([sides, np.stack([rim, following[-1] + count, top, top], axis=-1)])
     bent = np.zeros((1, *points.shape))
     bent[0, :, 0] = beam_mode("clamped", "free", 1).shape(points[:, 2] / pillar.height_m)
     return Skin(points, facets, bent)
