@@ -75,7 +75,7 @@ def test_ours_meets_the_second_computation(paper: Paper, gap: Any, name: str, hz
 
 
 def test_plane_waves_give_the_stored_figures() -> None:
-    for paper in (EVERY["rectangular"], EVERY["square-aluminium"]):
+    for paper in (EVERY["rectangular"], EVERY["honeycomb"], EVERY["square-aluminium"]):
         for gap in paper.gaps:
             for name, hz in zip(gap.published, papers.plane_waves(paper, gap, theirs=True), strict=True):
                 assert hz == pytest.approx(STORED[paper.case, name]["theirs_hz"])
