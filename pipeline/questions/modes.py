@@ -283,6 +283,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             ax.plot(np.arange(1, len(khz) + 1), khz, "o", color=style.BLUE, ms=4)
             ax.plot([place + 1 for place in self._marked], khz[self._marked], "*", color=style.VERMILION, ms=11)
             ax.set(xlabel="mode", ylabel="frequency (kHz)")
+            ax.locator_params(axis="x", integer=True)
             return
         ax.plot(khz, level, "o", color=style.BLUE, ms=4)
         least = confinement.CONFINED_DB
@@ -304,7 +305,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return self.solved is not None and len(self) > 0 and (self.part != "plate" or self._target_at is not None)
 
     def illustrate(self, ax: Axes) -> None:
-        """Draw the target mode of plate or zone on the touch face, or the bodies of the first modes of another part."""
+        """Draw the target mode of plate or zone on the touch face; of another part its body, or those of the first modes."""
         from pipeline.models.mode_fields import whole_skin
         from pipeline.records.record import DesignRecord
         from pipeline.records.surface_codec import touch_arrays
@@ -313,7 +314,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         shown = range(min(len(self), SHAPES)) if at is None else [at]
         skins = [whole_skin(self.solved, place) for place in shown]
         captions = [frequency(self.modes[place].frequency_hz) for place in shown]
-        if at is None:
+        if at is None or self.part not in ("plate", "zone"):
             fields.draw_bodies(ax, skins, captions, DRAWN * float(np.ptp(skins[0].points, axis=0).max()))
             return
         design = self.case.design

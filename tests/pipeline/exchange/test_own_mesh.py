@@ -94,7 +94,8 @@ def frequencies(mesh: Mesh, clamped: tuple[str, ...], count: int = 5) -> np.ndar
 
 
 def modes_document(arguments: list[str], folder: Path) -> dict[str, Any]:
-    assert main.main(["modes", *arguments, "--quiet", "--json", str(folder / "modes.json")]) == 0
+    outputs = ["--json", str(folder / "modes.json"), "--plot", str(folder / "modes.png")]  # drawn bodies included
+    assert main.main(["modes", *arguments, "--quiet", *outputs]) == 0 and (folder / "modes.png").exists()
     return dict(json.loads((folder / "modes.json").read_text()))
 
 
