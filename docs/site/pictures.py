@@ -29,7 +29,7 @@ SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[1]
 FIGURES = ("superelement", "superelement-convergence", "error-bars", "decay-band")
 PAGE, THUMBNAILS = ROOT / "docs" / "gallery.md", ROOT / "docs" / "pictures" / "gallery"
-TILE, FRAME = (480, 330), 14  # pixels of a thumbnail, and of the white about a picture
+TILE, FRAME = (480, 330), 8  # pixels of a thumbnail, and of the white about a picture
 NARROW = """{python} -c 'import runpy, sys
 from pipeline.cli import main
 from pipeline.plots import style
@@ -228,7 +228,8 @@ def thumbnail(picture: Path, target: Path) -> None:
     with Image.open(picture) as opened:
         whole = opened.convert("RGB")
     drawn = ImageChops.difference(whole, Image.new("RGB", whole.size, "white")).getbbox()
-    small = ImageOps.pad(whole.crop(drawn), TILE, Image.Resampling.LANCZOS, color="white")
+    framed = ImageOps.expand(whole.crop(drawn), FRAME, "white")
+    small = ImageOps.pad(framed, TILE, Image.Resampling.LANCZOS, color="white")
     small.quantize(64).save(target, optimize=True)
 
 

@@ -469,6 +469,7 @@ def test_many_cases_fold_below_the_best_and_the_appendix_holds_the_rest(
     best, fold = raw.index("<summary>pitch_mm=4,rows=2 "), raw.index("All other cases (14)</summary>")
     assert best < fold < raw.index("<summary>pitch_mm=5,rows=1 ") and raw.count("<summary>pitch_mm=") == 15
     warnings, appendix = raw.index("<h2>Warnings</h2>"), raw.index("<h2>Appendix</h2>")
+    assert " · 16.0\u202fdB as driven, confined · " in raw[best:fold]  # of a plate with patches
     assert fold < warnings < appendix < raw.index("Simplifications and their reasons</summary>")
     assert raw.count("<summary>Mesh, inertia count, computing time, files</summary>") == 15
     few = synthetic.put_study(tmp_path / "few", rows=(1,))
