@@ -294,27 +294,20 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
     if name not in PIEZO_MATERIALS:
         diagnostics.add("patches.material", name, f"must be one of {allowed}{nearest(name, PIEZO_MATERIALS)}")
     x, y, z = (MM * side for side in table.size_mm)
-    centres, lengths = _places(table.centres_mm, design, (x, y, z))
+    each = [_places(table.centres_mm, view, (x, y, z)) for view in ((design,) if table.centres_mm else design.views)]
+    centres, lengths = sum((own for own, _ in each), ()), sum((own for _, own in each), ())
+    firsts = np.cumsum([0, *(len(own) for own, _ in each[:-1])]).tolist()
+    sensors = tuple(first + number for first in firsts for number in table.sensors)  # every zone has the same
     resting: tuple[int, ...] = ()
-    if behind := table.behind_mm:
-        (*_, low, high), beyond = design.reach_m, MM * behind
-        centres += tuple((place, across) for across in (low - beyond, high + beyond) for place, _ in centres)
-        lengths *= 3
-    sensors = tuple(table.sensors)
-    inner = len(centres) // (3 if table.behind_mm else 1)
-    if not table.centres_mm and design.others_m:
-        each = [_places(None, view, (x, y, z)) for view in design.views]
-        centres, lengths = sum((own for own, _ in each), ()), sum((own for _, own in each), ())
-        resting = tuple(range(inner, len(centres)))
-        firsts = np.cumsum([0, *(len(own) for own, _ in each[:-1])]).tolist()
-        sensors = tuple(first + number for first in firsts for number in sensors)
-    elif design.others_m:
+    if design.others_m and table.centres_mm:
         elsewhere = ~design.passive(np.array(centres)) & ~design.in_zone(np.array(centres))
         resting = tuple(np.flatnonzero(elsewhere).tolist())
-    if not table.centres_mm and design.zones > 1:  # every zone has the same patches
-        centres = tuple((x, float(mid)) for mid in design.zone_centres_m for x, _ in centres[:inner]) + centres[inner:]
-        lengths = lengths[:inner] * design.zones + lengths[inner:]
-        sensors = tuple(inner * zone + number for zone in range(design.zones) for number in sensors)
+    elif design.others_m:
+        resting = tuple(range(len(each[0][0]), len(centres)))
+    if behind := table.behind_mm:
+        (*_, low, high), beyond = design.reach_m, MM * behind
+        centres += tuple((place, across) for across in (low - beyond, high + beyond) for place, _ in each[0][0])
+        lengths += each[0][1] * 2
     patches = Patches(
         material=PIEZO_MATERIALS.get(name, PIEZO_MATERIALS["pz26"]),
         size_m=(x, y, z),
