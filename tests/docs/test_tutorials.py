@@ -26,6 +26,7 @@ SHOWN = re.compile(
 )  # the last command and what it prints
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 CLOSE = {"rel": 0.01, "abs": 0.1}  # what another machine's rounding, libraries and choices of mesh leave the same
+LONGEST_S = 900.0  # of a command, on cores that others use, too
 NEEDS_A_CLUSTER = "cluster"  # its Python starts jobs under Slurm
 
 
@@ -39,7 +40,9 @@ def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT)}
     environment |= {"ANTINODE_RESULTS": str(folder / "results"), "OMP_NUM_THREADS": "1"}
-    return subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+    return subprocess.run(
+        line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST_S
+    )
 
 
 def shows(listing: str, printed: str) -> bool:

@@ -10,13 +10,15 @@ import tomllib
 from math import isnan, pi
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline.case.model import case_from_dict, load_case
 from pipeline.case.reading import apply_overrides
 from pipeline.errors import InputError
 
-CASE = Path(__file__).parents[3] / "studies" / "three-rows.toml"
+ROOT = Path(__file__).parents[3]
+CASE = ROOT / "studies" / "three-rows.toml"
 RAW = tomllib.loads(CASE.read_text())
 
 
@@ -199,3 +201,21 @@ def test_a_case_with_a_band_can_be_hashed_and_sent_to_a_worker() -> None:
     sent = pickle.loads(pickle.dumps(case))
     assert sent == case and hash(sent) == hash(case)
     assert sent.solve.band_hz == (30e3, 34e3) and sent.tolerance.height_m == pytest.approx(5e-5)
+
+
+def test_every_zone_has_the_same_patches_and_those_behind_a_zone_stand_in_line_with_it() -> None:
+    """Sensors are numbered zone by zone; behind both rows stand as many patches as in the zone, as long as those."""
+    settings = ["patches={material='pz26', size_mm=[6.0, 3.0, 0.3], sensors=[1]}"]
+    alone, both = (load_case(ROOT / name, settings) for name in ("examples/small.toml", "examples/37-two-zones.toml"))
+    assert alone.patches and both.patches
+    count = both.patches.count // 2
+    low, high = (np.array(own) for own in (both.patches.centres_m[:count], both.patches.centres_m[count:]))
+    apart = float(np.diff(both.design.zone_centres_m)[0])
+    np.testing.assert_allclose(high - low, np.tile([0.0, apart], (count, 1)), atol=1e-15)
+    assert both.patches.sensors == (1, count + 1)
+    behind = load_case(ROOT / "examples/small.toml", [*settings, "patches.behind_mm=3.0"])
+    assert behind.patches and behind.patches.sensors == alone.patches.sensors
+    assert behind.patches.lengths_m == 3 * alone.patches.lengths_m
+    x, y = np.array(behind.patches.centres_m).T.reshape(2, 3, -1)
+    assert (x == x[0]).all() and (y[0] == 0.0).all()
+    assert (y[1] == y[1][0]).all() and (y[2] == -y[1]).all() and y[2][0] > behind.design.reach_m[-1]
