@@ -21,7 +21,7 @@ from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
 from solvers.driven.curve_bars import Contacts
 from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, mixings, sources
-from solvers.driven.several_patches import motion_at, plate_table, power_flow
+from solvers.driven.several_patches import Strains, motion_at, plate_table, power_flow, strains_of
 from solvers.errors import SolverError
 from solvers.machine import room_bytes
 from solvers.measures.confinement import ratio_db, target_shape
@@ -147,7 +147,7 @@ class _Spots:
         contacts, at = self._contacts(driven.each), touched.plate.scale.eigenvalue(tone)
         stiffness = factor * touched.finger.dynamic_stiffness(tone)
         before, motion = (
-            (contacts.motions(at, *how).answers @ driven.volts[touched.drivers])[:, : len(root)]
+            (contacts.answers(at, *how) @ driven.volts[touched.drivers])[:, : len(root)]
             for how in ((), (stiffness or None, missing_m_n))
         )
         other = (driven.each.of(free) if driven.each else free).driven_by(driven.volts)
@@ -194,9 +194,10 @@ def solve_travelling(
     forced = forced_plate(case, log, band_hz, meshes)
     with log.step("two modes a quarter period apart"):
         wave = best_pair(forced, case.design, others)
-        values = _values(wave, case.design)
+        strains = strains_of(forced)
+        values = _values(wave, case.design, strains)
     with log.step("error bars"):
-        bars, varied = _bars(values, forced, case.design, others)
+        bars, varied = _bars(values, forced, case.design, others, strains)
     felt = solve_shear(case, forced, _driven(wave, values), values["wavenumber_per_m"], log, varied)
     return {**values, **bars, "shear": felt}, wave
 
@@ -315,11 +316,17 @@ def _mode(table: ModalTable, design: Design, lines: int) -> int | None:
     return best if share[best] >= MIN_SHARE else None
 
 
-def _values(wave: Travelling, design: Design) -> dict[str, Any]:
-    """Return the columns of a wave without their errors; power and field are for 1 um rms in the zone."""
+def _values(
+    wave: Travelling, design: Design, strains: Strains, each: Variation | Louder | None = None
+) -> dict[str, Any]:
+    """Return the columns of a wave without their errors; power and field are for 1 um rms in the zone.
+
+    strains: of the plate as solved, of which the wave's may be a variation within its error bars.
+    """
     pair, volts, tone = wave.pair, wave.drives["pair+"], wave.pair.frequency_hz
     plate = wave.forced.driven_by(wave.all_volts(volts))
-    curve, flow = plate.curve(np.array([tone])), power_flow(plate, tone)
+    turned = [each.of_columns] if each else []
+    curve, flow = plate.curve(np.array([tone])), power_flow(plate, tone, strains, *turned)
     zone = float(curve.zone_rms_m_per_v[0])
     per_um = UM / zone
     passive = None if curve.passive_rms_m_per_v is None else float(ratio_db(zone, curve.passive_rms_m_per_v[0]))
@@ -355,7 +362,7 @@ def _values(wave: Travelling, design: Design) -> dict[str, Any]:
         "lost_W": flow.lost_w * per_um**2,
         "flow_x_m": flow.x_m.tolist(),
         "flow_W": (flow.flow_w * per_um**2).tolist(),
-        "standing_flow_W": (power_flow(stand, tone).flow_w * (UM / standing) ** 2).tolist(),
+        "standing_flow_W": (power_flow(stand, tone, strains, *turned).flow_w * (UM / standing) ** 2).tolist(),
         "inner_sections": max(len(flow.x_m) - 2, 0),
     }
 
@@ -365,7 +372,7 @@ def _driven(wave: Travelling, values: dict[str, Any], each: Variation | Louder |
 
 
 def _bars(
-    values: dict[str, Any], forced: ForcedPlate, design: Design, others: float
+    values: dict[str, Any], forced: ForcedPlate, design: Design, others: float, strains: Strains
 ) -> tuple[dict[str, Any], list[tuple[Driven, ...]]]:
     """Return the columns of errors, and the drives of plates varied within their error bars, grouped by source.
 
@@ -387,7 +394,7 @@ def _bars(
         known = [each.of_columns(basis, own) for basis, own in zip(forced.modes, rows, strict=True)]
         try:
             wave = best_pair(each.of(forced), design, others, known)
-            moved = _values(wave, design)
+            moved = _values(wave, design, strains, each)
             figures, driven[id(each)] = _figures(moved), _driven(wave, moved, each)
         except SolverError:
             figures = np.zeros(0)

@@ -415,49 +415,76 @@ class Contacts:
         """Flexibilities of the modes, (n,)."""
         return np.asarray(1.0 / (self.value * (1.0 + 1j * self.loss) - eigenvalue))
 
+    def answers(
+        self, eigenvalue: float, stiffness_n_m: complex | None = None, missing_m_n: float = 0.0
+    ) -> ComplexArray:
+        """Motions of the contact's points per volt of a driver, then voltages of the sensors, (t, m, d), as in `motions`."""
+        pressed = _Pressed.of(self, eigenvalue, stiffness_n_m, missing_m_n)
+        given = pressed.receptance[:, :, self.drivers]
+        return pressed.outputs(given, pressed.loads(given))
+
     def motions(self, eigenvalue: float, stiffness_n_m: complex | None = None, missing_m_n: float = 0.0) -> Motions:
         """Motions of the contact's points, then voltages of the sensors, (t, m, d); without a stiffness nothing presses.
 
         missing_m_n: flexibility of every point in addition to the plate's.
         """
-        count = len(self.capacitance_f)
-        points = np.arange(count, self.gains.shape[-1])
-        loose = np.array([*self.sensors, *(points if stiffness_n_m is not None else [])], dtype=int)
-        own = np.concatenate([self.capacitance_f[self.sensors], np.zeros(len(loose) - len(self.sensors))]).astype(
-            complex
-        )
-        if stiffness_n_m is not None:
-            own[len(self.sensors) :] = 1.0 / stiffness_n_m + missing_m_n
+        pressed = _Pressed.of(self, eigenvalue, stiffness_n_m, missing_m_n)
         flexible = self.flexible(eigenvalue)
-        whole = self.receptance(eigenvalue)
         by_mode = self.unit * (flexible[:, None] * self.gains).swapaxes(1, 2)
-
-        def answer(charge: ComplexArray) -> ComplexArray:
-            """Loads (t, u, k) that charges and motions (t, l, k) of the loads which are given bring about."""
-            return np.asarray(-np.linalg.solve(whole[:, loose[:, None], loose] + np.diag(own), charge[:, loose]))
-
-        def outputs(charge: ComplexArray, loads: ComplexArray) -> ComplexArray:
-            moved = charge[:, points] + whole[:, points[:, None], loose] @ loads
-            if stiffness_n_m is not None:
-                moved = moved + missing_m_n * loads[:, len(self.sensors) :]
-            return np.concatenate([moved, loads[:, : len(self.sensors)]], axis=1)
-
-        given, forced = whole[:, :, self.drivers], answer(by_mode)
-        loads = answer(given)
+        given, forced = pressed.receptance[:, :, self.drivers], pressed.loads(by_mode)
+        loads = pressed.loads(given)
         every = np.zeros((*given.shape[:2], len(self.drivers)), dtype=complex)
         every[:, self.drivers, np.arange(len(self.drivers))] = 1.0
-        every[:, loose] = loads
+        every[:, pressed.loose] = loads
         more = self.beyond @ every
-        within = flexible[:, None] * (np.eye(len(flexible)) + self.gains[:, :, loose] @ forced)
+        within = flexible[:, None] * (np.eye(len(flexible)) + self.gains[:, :, pressed.loose] @ forced)
         return Motions(
             np.asarray(1.0 + 1j * self.loss),
-            outputs(given, loads),
-            outputs(more, answer(more)),
-            outputs(by_mode, forced),
+            pressed.outputs(given, loads),
+            pressed.outputs(more, pressed.loads(more)),
+            pressed.outputs(by_mode, forced),
             flexible[:, None] * (self.gains @ every),
             within,
             flexible[None],
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Pressed:
+    """Contacts at one eigenvalue under a finger: the loads that follow are those of the sensors, then of the pressed points.
+
+    loose: those loads by number; own: their own flexibilities, those of the circuits and of the finger.
+    """
+
+    receptance: ComplexArray
+    loose: IntArray
+    own: ComplexArray
+    points: IntArray
+    sensors: int
+    missing_m_n: float
+
+    @classmethod
+    def of(cls, contacts: Contacts, eigenvalue: float, stiffness_n_m: complex | None, missing_m_n: float) -> _Pressed:
+        """The contacts pressed by a stiffness; by nothing without one."""
+        points = np.arange(len(contacts.capacitance_f), contacts.gains.shape[-1])
+        pressed = points[: 0 if stiffness_n_m is None else None]
+        own = contacts.capacitance_f[contacts.sensors].astype(complex)
+        if stiffness_n_m is not None:
+            own = np.append(own, np.full(len(points), 1.0 / stiffness_n_m + missing_m_n))
+        loose = np.array([*contacts.sensors, *pressed], dtype=int)
+        return cls(contacts.receptance(eigenvalue), loose, own, points, len(contacts.sensors), missing_m_n)
+
+    def loads(self, charge: ComplexArray) -> ComplexArray:
+        """Loads (t, u, k) that charges and motions (t, l, k) of the loads which are given bring about."""
+        among = self.receptance[:, self.loose[:, None], self.loose]
+        return np.asarray(-np.linalg.solve(among + np.diag(self.own), charge[:, self.loose]))
+
+    def outputs(self, charge: ComplexArray, loads: ComplexArray) -> ComplexArray:
+        """Motions of the points, then voltages of the sensors, (t, m, k)."""
+        moved = charge[:, self.points] + self.receptance[:, self.points[:, None], self.loose] @ loads
+        if len(self.loose) > self.sensors:
+            moved = moved + self.missing_m_n * loads[:, self.sensors :]
+        return np.concatenate([moved, loads[:, : self.sensors]], axis=1)
 
 
 Figures = Callable[..., FloatArray]

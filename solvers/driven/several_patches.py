@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from math import pi
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -20,7 +19,6 @@ from solvers.piezo.patched_plate import PatchedPlate
 from solvers.piezo.responses import face_motion, resonances_hz
 from solvers.shaping.modal_table import ModalTable
 from solvers.superelement.bond import mirror_signs
-from solvers.superelement.cell import Cell
 from solvers.superelement.plate import WHOLE
 
 FLIPS = list(product((1.0, -1.0), repeat=2))  # of a panel in x, y >= 0 onto its images
@@ -233,7 +231,40 @@ class PowerFlow:
     lost_w: float
 
 
-def power_flow(forced: ForcedPlate, frequency_hz: float) -> PowerFlow:
+@dataclass(frozen=True)
+class Strains:
+    """Strain energies u' K u between the solved modes of a driven plate, scaled, group after group.
+
+    x_m (n,): sections that no patch straddles; left (n + 1, modes, modes): of what lies left of each, and of the whole plate;
+    roots: A^(-1/2) (k, k) of each group's stiffness A between its modes, none of them rigid.
+    """
+
+    x_m: FloatArray
+    left: FloatArray
+    roots: list[FloatArray]
+
+    def of(self, forced: ForcedPlate, eigenvalue: float, volts: ComplexArray, turned: Turned) -> FloatArray:
+        """Energies (n + 1,) of the modes' motion: modes U T of a plate within its error bars move as U A^(-1/2) T L^(1/2) q."""
+        motion = []
+        for basis, root in zip(forced.modes, self.roots, strict=True):
+            damped = basis.amplitudes(eigenvalue, volts)[: len(root)] * np.sqrt(basis.eigenvalue)
+            motion.append(root @ (turned(basis, np.eye(len(root))) @ damped))
+        at_once = np.concatenate(motion)
+        return np.asarray(((self.left @ at_once) @ at_once.conj()).real)
+
+
+Turned = Callable[
+    [GroupModes, FloatArray], FloatArray
+]  # values of a group's modes (..., modes) in those of a plate varied
+
+
+def _as_solved(_: GroupModes, values: FloatArray) -> FloatArray:
+    return values
+
+
+def power_flow(
+    forced: ForcedPlate, frequency_hz: float, strains: Strains | None = None, turned: Turned = _as_solved
+) -> PowerFlow:
     """Compute the flow of power along a driven plate (`ForcedPlate.driven_by`) through sections at the edges of its panels.
 
     Parameters
@@ -242,6 +273,10 @@ def power_flow(forced: ForcedPlate, frequency_hz: float) -> PowerFlow:
         A plate whose patches drive it.
     frequency_hz : float
         Frequency of the drive.
+    strains : Strains, optional
+        `strains_of` the plate, if known.
+    turned : callable, optional
+        How the modes differ from those of `strains` (`Variation.of_columns`).
 
     Returns
     -------
@@ -253,89 +288,95 @@ def power_flow(forced: ForcedPlate, frequency_hz: float) -> PowerFlow:
     SolverError
         For a plate without patches.
     """
-    plate = forced.plate
-    if not isinstance(plate, PatchedPlate):
-        raise SolverError("a power flow along the plate needs patches that drive it")
+    plate = _patched(forced)
+    known = strains_of(forced) if strains is None else strains
     eigenvalue, omega = plate.scale.eigenvalue(frequency_hz), 2.0 * pi * frequency_hz
     volts = forced.volts(eigenvalue)
     charge = np.sum([basis.receptance(eigenvalue) for basis in forced.modes], axis=0) @ volts
     current = 1j * omega * (charge * plate.stiffness_unit + plate.capacitance_f * volts)
     given = 0.5 * (volts.conj() * current).real
-    motions = [_modal(basis, eigenvalue, volts) for basis in forced.modes]
-    x, energy = _panels(forced, motions)
     loss = forced.loss_at(frequency_hz)
-    lost = 0.5 * omega * loss * plate.stiffness_unit * np.concatenate([energy, _on_patches(forced, motions)])
-    spans = np.array([(patch.points[:, 0].min(), patch.points[:, 0].max()) for patch in plate.patches])
-    places = np.concatenate([x, spans.mean(axis=1)])
-    edges = np.unique(np.round(forced.modes[0].group.plates[0].tiling.x, 12))
-    clear = np.array([not ((spans[:, 0] < edge) & (edge < spans[:, 1])).any() for edge in edges])
-    sections = edges[clear]
-    flow = [float(given[spans[:, 1] <= edge + 1e-9].sum() - lost[places < edge].sum()) for edge in sections]
-    return PowerFlow(given, sections, np.array(flow), float(lost.sum()))
+    *left, lost = 0.5 * omega * loss * plate.stiffness_unit * known.of(forced, eigenvalue, volts, turned)
+    ends = _spans(plate)[:, 1]
+    flow = [given[ends <= edge + 1e-9].sum() - before for edge, before in zip(known.x_m, left, strict=True)]
+    return PowerFlow(given, known.x_m, np.array(flow), float(lost))
 
 
-def _modal(basis: GroupModes, eigenvalue: float, volts: ComplexArray) -> list[Any]:
-    """The damped part of the motion, with the strain energy of the modes that are solved, class by class of the group."""
-    count = len(basis.frequency_hz)
-    amplitudes = basis.amplitudes(eigenvalue, volts)[:count]
-    modes = basis.columns[:, :count]
-    motion: Any = modes @ (_as_stiff(basis, modes) @ amplitudes)
-    return list(basis.group.split(motion))
-
-
-_KNOWN: WeakKeyDictionary[GroupModes, FloatArray] = WeakKeyDictionary()  # one plate is driven in several ways
-
-
-def _as_stiff(basis: GroupModes, modes: FloatArray) -> FloatArray:
-    """S = A^(-1/2) L^(1/2), so that S' A S = L: stiffness A (k, k) in modes, eigenvalues L (k,), none of them rigid."""
-    if basis not in _KNOWN:
-        meshed = modes.T @ np.asarray(basis.group.pencil.stiffness @ modes)
-        values, vectors = np.linalg.eigh((meshed + meshed.T) / 2.0)
-        _KNOWN[basis] = np.asarray((vectors / np.sqrt(values)) @ vectors.T * np.sqrt(basis.eigenvalue))
-    return _KNOWN[basis]
-
-
-def _panels(forced: ForcedPlate, motions: list[list[Any]]) -> tuple[FloatArray, FloatArray]:
-    """Middles x (n,) in m of the whole plate's panels and u' K u of each, scaled.
+def strains_of(forced: ForcedPlate) -> Strains:
+    """Integrate the strain energies between the modes of a driven plate, section by section.
 
     In mirrored coordinates a panel's image moves as the sum of the classes, each with the sign of its mirrors; a panel on a
     mirror line is its own image, and its share is counted at both.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        A plate whose patches drive it.
+
+    Returns
+    -------
+    Strains
+        Energies left of every section.
+
+    Raises
+    ------
+    SolverError
+        For a plate without patches.
     """
-    places: list[float] = []
-    energies: list[FloatArray] = []
-    for cell, x, copies, classes in _placed(forced, motions):
-        flips = np.array([(1.0, 1.0)] if classes[0][0] == WHOLE else FLIPS)
-        moved = np.array(
-            [np.sum([mirror_signs(name, flip)[2] * field for name, field in classes], axis=0) for flip in flips]
-        )
-        energies.append(np.einsum("fi,ij,fj->f", moved.conj(), cell.stiffness, moved).real * copies / len(flips))
-        places += [flip[0] * x for flip in flips]
-    return np.array(places), np.concatenate(energies)
+    plate = _patched(forced)
+    modes = [basis.columns[:, : len(basis.frequency_hz)] for basis in forced.modes]
+    spans = _spans(plate)
+    edges = np.unique(np.round(forced.modes[0].group.plates[0].tiling.x, 12))
+    sections = edges[~((spans[:, :1] < edges) & (edges < spans[:, 1:])).any(axis=0)]
+    ends, count = np.append(sections, np.inf), sum(own.shape[1] for own in modes)
+    left = np.zeros((len(ends), count, count))
+    for x, moved, stiffness in (*_panels(forced, modes), *_on_patches(forced, modes)):
+        left[x < ends] += moved.T @ np.asarray(stiffness @ moved)
+    return Strains(sections, left, [_root(basis, own) for basis, own in zip(forced.modes, modes, strict=True)])
 
 
-def _placed(forced: ForcedPlate, motions: list[list[Any]]) -> Iterator[tuple[Cell, float, int, list[tuple[str, Any]]]]:
-    """Each assembled panel: its cell, middle x, copies, and its motion in every class that is driven."""
-    plates = [
-        (plate, motion)
-        for basis, parts in zip(forced.modes, motions, strict=True)
-        for plate, motion in zip(basis.group.plates, parts, strict=True)
+def _patched(forced: ForcedPlate) -> PatchedPlate:
+    if not isinstance(forced.plate, PatchedPlate):
+        raise SolverError("a power flow along the plate needs patches that drive it")
+    return forced.plate
+
+
+def _spans(plate: PatchedPlate) -> FloatArray:
+    """Ends of each patch along x, (patches, 2), m."""
+    return np.array([(patch.points[:, 0].min(), patch.points[:, 0].max()) for patch in plate.patches])
+
+
+def _root(basis: GroupModes, modes: FloatArray) -> FloatArray:
+    """A^(-1/2) of the group's stiffness between its modes."""
+    meshed = modes.T @ np.asarray(basis.group.pencil.stiffness @ modes)
+    values, vectors = np.linalg.eigh((meshed + meshed.T) / 2.0)
+    return np.asarray((vectors / np.sqrt(values)) @ vectors.T)
+
+
+def _panels(forced: ForcedPlate, modes: list[FloatArray]) -> Iterator[tuple[float, FloatArray, FloatArray]]:
+    """Every panel of the whole plate: its middle x, the motion (dof, modes) of its share, and its stiffness."""
+    groups = [
+        list(zip(basis.group.plates, basis.group.split(own), strict=True))
+        for basis, own in zip(forced.modes, modes, strict=True)
     ]
-    for cells in zip(*(plate.placed_cells for plate, _ in plates), strict=True):
-        pairs = zip(cells, plates, strict=True)
-        moved = [(plate.symmetry, plate.cell_vectors(cell, motion[:, None])[:, 0]) for cell, (plate, motion) in pairs]
-        yield cells[0].cell, float(cells[0].middle[0]), cells[0].copies, moved
+    classes = [each for group in groups for each in group]
+    flips = [(1.0, 1.0)] if classes[0][0].symmetry == WHOLE else FLIPS
+    for cells in zip(*(plate.placed_cells for plate, _ in classes), strict=True):
+        fields = iter([plate.cell_vectors(cell, own) for cell, (plate, own) in zip(cells, classes, strict=True)])
+        by_group = [[(plate.symmetry, next(fields)) for plate, _ in group] for group in groups]
+        share = np.sqrt(cells[0].copies / len(flips))
+        for flip in np.array(flips):
+            moved = [np.sum([mirror_signs(name, flip)[2] * own for name, own in group], axis=0) for group in by_group]
+            yield flip[0] * cells[0].middle[0], share * np.hstack(moved), cells[0].cell.stiffness
 
 
-def _on_patches(forced: ForcedPlate, motions: list[list[Any]]) -> FloatArray:
-    """u' K u of the patches themselves, scaled, (patches,)."""
-    plate = forced.plate
-    assert isinstance(plate, PatchedPlate)
-    energies = np.zeros(len(plate.bonds))
-    for number, bond in enumerate(plate.bonds):
-        pairs = zip(forced.modes, motions, strict=True)
-        moved = np.sum([plate.motion(b.group.plates, number) @ np.concatenate(m) for b, m in pairs], axis=0)
-        energies[number] = (np.conj(moved) @ bond.finest.stiffness @ moved).real
-    return energies
+def _on_patches(forced: ForcedPlate, modes: list[FloatArray]) -> Iterator[tuple[float, FloatArray, Any]]:
+    """Every patch: its middle x, the motion (dof, modes) of its bonded face, and its stiffness."""
+    plate = _patched(forced)
+    for number, (bond, span) in enumerate(zip(plate.bonds, _spans(plate), strict=True)):
+        pairs = zip(forced.modes, modes, strict=True)
+        moved = np.hstack([plate.motion(basis.group.plates, number) @ own for basis, own in pairs])
+        yield span.mean(), moved, bond.finest.stiffness
 
 
 # -- modal table -------------------------------------------------------------------------------------------------------

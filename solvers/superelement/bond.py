@@ -75,16 +75,18 @@ def displacement_on(plate: AssembledPlate, panels: Sequence[PanelContact], count
     sparse array, shape (3 b, dof)
         Rows.
     """
-    parts = []
+    values, rows, columns = [], [], []
     for panel in panels:
         placed_cell = plate.placed_cells[panel.number]
         signs = mirror_signs(plate.symmetry, panel.flip)[:, None]
         live = placed_cell.coefficient != 0.0
         field = signs * (panel.field[:, :, live] * placed_cell.coefficient[live])
         block = sp.coo_array(field.reshape(3 * len(panel.rows), -1))
-        places = ((3 * panel.rows[:, None] + np.arange(3)).ravel()[block.row], placed_cell.dofs[live][block.col])
-        parts.append(sp.csr_array((block.data, places), shape=(3 * count, plate.dof)))
-    return sp.csr_array(sum(parts[1:], start=parts[0]))
+        values.append(block.data)
+        rows.append((3 * panel.rows[:, None] + np.arange(3)).ravel()[block.row])
+        columns.append(placed_cell.dofs[live][block.col])
+    places = (np.concatenate(rows), np.concatenate(columns))
+    return sp.csr_array((np.concatenate(values), places), shape=(3 * count, plate.dof))
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from math import acos, cos, gamma, pi, sin, sqrt
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -245,13 +246,7 @@ class Places:
     @classmethod
     def of(cls, touched: TouchedPlate, points: Lattice, frequency_hz: float) -> Places:
         """Places from a plate's own modes and the residual vectors of all points."""
-        receptance = _lattice_receptance(touched, points.points_m, frequency_hz)
-        count, unit = len(touched.plate.patches), touched.plate.stiffness_unit
-        gains = [
-            np.hstack([basis.gain[:, :count], (face_motion(basis.group, points.points_m) @ _modes(basis)).T / unit])
-            for basis in touched.free.all_modes
-        ]
-        return cls(touched, points, frequency_hz, receptance, np.concatenate(gains))
+        return cls(touched, points, frequency_hz, *_lattice_receptance(touched, points.points_m, frequency_hz))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -448,20 +443,30 @@ def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
     return 8.0 * COPIES * max(loads) + 3.0 * 16.0 * count**2
 
 
-def _lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz: float) -> ComplexArray:
-    """Receptance (p + q, p + q) of the free plate between its p patches and points (q, 2) of the touch face, symmetric.
+def _lattice_receptance(
+    touched: TouchedPlate, points_m: FloatArray, frequency_hz: float
+) -> tuple[ComplexArray, FloatArray]:
+    """Receptance (p + q, p + q) of the free plate between its p patches and points (q, 2) of the touch face, symmetric, and
+    gains (n, p + q) of its modes.
 
     Charges of the patches in C and u_z of the points in m, per volt and per newton.
     """
     plate, count = touched.plate, len(touched.plate.patches)
     eigenvalue = plate.scale.eigenvalue(frequency_hz)
-    total = np.zeros((count + len(points_m),) * 2, dtype=complex)
+    total, gains = np.zeros((count + len(points_m),) * 2, dtype=complex), []
     for basis in touched.free.all_modes:
-        loads, signed = _folded(basis.group, points_m)
-        own = with_loads(basis, loads / plate.stiffness_unit).receptance(eigenvalue)
-        spread = scipy.linalg.block_diag(np.eye(count), signed)
-        total += spread @ own @ spread.T
-    return np.asarray(total * plate.stiffness_unit)
+        loads, images = _folded(basis.group, points_m)
+        loaded = with_loads(basis, loads / plate.stiffness_unit)
+        own = loaded.receptance(eigenvalue)
+        total += _unfolded(_unfolded(own, count, images).T, count, images)
+        gains.append(_unfolded(loaded.gain, count, images))
+    return np.asarray(total * plate.stiffness_unit), np.concatenate(gains)
+
+
+def _unfolded(values: FloatArray | ComplexArray, count: int, images: list[Image]) -> Any:
+    """Values (n, p + q) of p patches and q points from those of the patches and of their forces by class, (n, p + k)."""
+    points = sum(values[:, count + place] * sign for place, sign in images)
+    return np.hstack([values[:, :count], points])
 
 
 def crest_motion(along_m: ComplexArray, normal_m: ComplexArray, frequency_hz: float) -> CrestMotion:
@@ -551,19 +556,20 @@ def _beyond(basis: GroupModes, patches: int, slopes: bool) -> tuple[FloatArray, 
     return eigenvalue, vectors.T @ gain
 
 
-def _modes(basis: GroupModes) -> FloatArray:
-    return basis.columns[:, : len(basis.frequency_hz)]
+Image = tuple[IntArray, FloatArray]  # of points (q,) in one class: the number of its force, and the sign of its motion
 
 
-def _folded(group: Group, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit forces at the distinct mirror images in x, y >= 0, class by class, (dof, k); each point as a sum of them, (q, k)."""
+def _folded(group: Group, points_m: FloatArray) -> tuple[FloatArray, list[Image]]:
+    """Unit forces at the distinct mirror images in x, y >= 0, class by class, (dof, k), and each point's, class by class."""
     if group.symmetries == (WHOLE,):
-        return face_motion(group, points_m).T.toarray(), np.eye(len(points_m))
+        return face_motion(group, points_m).T.toarray(), [(np.arange(len(points_m)), np.ones(len(points_m)))]
     distinct, which = _distinct(points_m)
     loads = [face_motion(Group((plate,), group.join, group.loads), distinct).T.toarray() for plate in group.plates]
-    chosen = np.eye(len(distinct))[which]
-    signs = [mirror_signs(symmetry, points_m)[:, 2:] * chosen for symmetry in group.symmetries]
-    return scipy.linalg.block_diag(*loads), np.hstack(signs)
+    images = [
+        (number * len(distinct) + which, mirror_signs(symmetry, points_m)[:, 2])
+        for number, symmetry in enumerate(group.symmetries)
+    ]
+    return scipy.linalg.block_diag(*loads), images
 
 
 def _distinct(points_m: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -22,7 +22,8 @@ from pipeline.models.answer_parts import PlayedPattern, ShearRecord
 from pipeline.models.travelling import Travelling
 from pipeline.questions.question import Run, ask
 from pipeline.questions.travel import PlayedTravel, Travel, TravelResult
-from solvers.driven.error_bars import Louder
+from solvers.driven.error_bars import Louder, mixings
+from solvers.driven.several_patches import power_flow, strains_of
 from solvers.errors import SolverError
 from solvers.touch import effects
 from solvers.touch.effects import _lattice_receptance, crest_motion
@@ -95,6 +96,23 @@ def test_the_field_is_the_forced_plate_s_own(solved: tuple[TravelResult, Travell
     theirs = values[line][nearest] * record.drive_V_at_1um
     ours = np.array(record.field_m) @ np.array([1.0, 1j])
     assert np.abs(ours - theirs).max() < 0.1 * np.abs(ours).max()  # the nearest points are up to half a millimetre away
+
+
+def test_power_within_the_error_bars_follows_from_the_strains_of_the_plate_as_solved(
+    solved: tuple[TravelResult, Travelling],
+) -> None:
+    """Two modes mixed by a large angle: the flow by strains integrated again, and by those of the plate as solved, turned."""
+    record, wave = solved
+    plate = wave.forced.driven_by(wave.all_volts(wave.drives["pair+"]))
+    known = strains_of(plate)
+    errors = [np.full(len(basis.eigenvalue), 0.02) for basis in plate.modes]
+    (varied, _) = next(mixings(plate, errors, record.modes[0].frequency_hz, 1.0))
+    other = varied.of(plate)
+    anew, turned, not_turned = (
+        power_flow(other, record.frequency_hz, *more).flow_w for more in ((), (known, varied.of_columns), (known,))
+    )
+    assert turned == pytest.approx(anew, abs=1e-9 * np.abs(anew).max())
+    assert np.abs(not_turned - anew).max() > 1e-4 * np.abs(anew).max()
 
 
 def test_backwards_is_the_mirror_image(solved: tuple[TravelResult, Travelling]) -> None:
@@ -179,9 +197,9 @@ def fingered(
 @pytest.fixture(scope="module")
 def free(solved: tuple[TravelResult, Travelling]) -> Iterator[ShearRecord]:
     """The finger of nothing; what points of the free plate answer to forces knows of no finger, and is told once."""
-    known: dict[bytes, np.ndarray] = {}
+    known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
-    def once(touched: Any, points_m: np.ndarray, frequency_hz: float) -> np.ndarray:
+    def once(touched: Any, points_m: np.ndarray, frequency_hz: float) -> tuple[np.ndarray, np.ndarray]:
         key = points_m.tobytes() + np.float64(frequency_hz).tobytes()
         if key not in known:
             known[key] = _lattice_receptance(touched, points_m, frequency_hz)
