@@ -95,7 +95,7 @@ class Plan:
         """Return one line per step with its reasons, and the names of the simplifications."""
         lines = []
         for step in self.steps:
-            lines.append(f"{step.text()}; because {', '.join(step.why)}")
+            lines.append("; because ".join([step.text(), *([", ".join(step.why)] if step.why else [])]))
             lines += _estimated(step)
         return "\n".join([*lines, f"left out: {', '.join(dict.fromkeys(each.rule for each in self.left_out))}"])
 
