@@ -65,6 +65,7 @@ def small_model(tmp_path_factory: pytest.TempPathFactory) -> CellModel:
     return small_explorer(tmp_path_factory.mktemp("model")).model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", HOMES)
 @pytest.mark.filterwarnings("ignore::antinode.AntinodeWarning")
 def test_quick_examples_hold_on_coarse_plates(module: str, coarsest_cells: None, examples_alone: None) -> None:

@@ -62,6 +62,7 @@ def test_a_plate_is_saved_for_any_folder_and_never_over_another_file(tmp_path: P
         plate.view("plate.jpg")
 
 
+@pytest.mark.slow
 def test_a_warning_points_at_the_line_of_the_caller(plate: antinode.Plate) -> None:
     with pytest.warns(antinode.AntinodeWarning, match="NO_MODES") as seen:
         plate.modes((20.0, 21.0), part="pillar")
@@ -126,6 +127,7 @@ def test_what_cannot_be_changed_is_refused_in_words(plate: antinode.Plate, chang
         plate.with_(**change)
 
 
+@pytest.mark.slow
 def test_modes_are_those_of_the_command(plate: antinode.Plate, tmp_path: Path) -> None:
     modes = plate.modes(part="pillar", count=3)
     args = ["modes", str(SMALL), "--part", "pillar", "--count", "3", "--set", "solve.accuracy=0.1"]
@@ -338,6 +340,7 @@ def test_a_modes_surface_is_closed_and_has_the_bodys_volume(plate: antinode.Plat
     assert pillar.n_open_edges == 0 and pillar.volume == pytest.approx(2e-3 * 2e-3 * 6.3e-3, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_sweep_is_a_table_and_stands_when_asked_again(
     plate: antinode.Plate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -68,6 +68,7 @@ def test_a_build_holds_one_package_with_data_and_marker_of_types(built: Path) ->
         assert (built / "antinode" / "_lib" / place).is_file(), place
 
 
+@pytest.mark.slow
 def test_nothing_in_a_build_asks_for_a_generic_name(built: Path) -> None:
     files = list(built.rglob("*.py"))
     assert len(files) > 250  # the search itself works

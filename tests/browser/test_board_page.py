@@ -112,6 +112,7 @@ def test_the_page_shows_the_emulated_board_and_stops_it(seen: Any, board: Any) -
     assert board.state == 0 and board.dac.value & 0xFFF == 2048
 
 
+@pytest.mark.slow
 def test_faults_are_named_with_what_to_check_and_cleared(seen: Any, board: Any) -> None:
     from firmware.emulate.images import EmulatedPort
 
@@ -168,6 +169,7 @@ def test_a_browser_without_a_serial_line_is_told_so(seen: Any) -> None:
     assert "Chromium, Chrome or Edge" in shown.inner_text("#said") and shown.is_disabled("#connect")
 
 
+@pytest.mark.slow
 def test_another_protocol_and_a_silent_board_are_told(seen: Any) -> None:
     shown = seen(Answering(bytes([Result.OK, PROTOCOL + 1, 1, 2, 1]) + bytes(16)))
     shown.click("#connect")

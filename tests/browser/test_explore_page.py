@@ -103,6 +103,7 @@ def test_the_address_brings_the_design_back(opened: Callable[..., Any]) -> None:
     assert not page.faults
 
 
+@pytest.mark.slow
 def test_undo_pins_and_what_does_not_fit(opened: Callable[..., Any]) -> None:
     page = opened()
     page.locator("#pin").click()

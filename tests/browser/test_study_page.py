@@ -87,6 +87,7 @@ def test_it_loads_without_a_fault_and_asks_for_nothing_else(visit: Visits, study
     assert seen.page.evaluate(broken) == 0
 
 
+@pytest.mark.slow
 def test_a_press_on_a_heading_sorts_by_pointer_and_by_keyboard(visit: Visits, study: Path) -> None:
     page = visit(study).page
     heading = page.locator("#cases-table th").nth(1)
@@ -154,6 +155,7 @@ def test_a_mode_moves_and_stops_by_keyboard(visit: Visits, study: Path) -> None:
     assert canvas.screenshot() != turned
 
 
+@pytest.mark.slow
 def test_the_touch_face_is_seen_from_below_to_scale(visit: Visits, study: Path) -> None:
     page = visit(study, reduced_motion="reduce").page
     canvas = moving(page)
@@ -167,6 +169,7 @@ def test_the_touch_face_is_seen_from_below_to_scale(visit: Visits, study: Path) 
     assert along / across == pytest.approx(plate.half_length_m / plate.half_span_m, rel=0.03)
 
 
+@pytest.mark.slow
 def test_another_shape_is_another_picture_with_other_words(visit: Visits, study: Path) -> None:
     page = visit(study, reduced_motion="reduce").page
     canvas = moving(page)
@@ -177,6 +180,7 @@ def test_another_shape_is_another_picture_with_other_words(visit: Visits, study:
     assert canvas.get_attribute("aria-label") != words and canvas.screenshot() != visible
 
 
+@pytest.mark.slow
 def test_who_wants_less_motion_gets_none_until_asked_for(visit: Visits, study: Path) -> None:
     page = visit(study, reduced_motion="reduce").page
     canvas = moving(page)
@@ -200,6 +204,7 @@ def test_without_webgl_a_still_picture_stands_in(visit_without_gl: Visits, study
     assert "WebGL is not available" in viewer.locator(".about").inner_text() and seen.faults == []
 
 
+@pytest.mark.slow
 def test_the_diagram_tells_the_wave_under_the_pointer(visit: Visits, study: Path) -> None:
     page = visit(study).page
     whole_diagram(page)
@@ -230,6 +235,7 @@ def test_the_diagram_goes_by_keyboard(visit: Visits, study: Path) -> None:
     assert not page.locator("#dispersion-diagram .tip").is_visible()
 
 
+@pytest.mark.slow
 def test_the_diagram_zooms_by_wheel_and_buttons_and_shades_its_gap(visit: Visits, study: Path) -> None:
     page = visit(study).page
     whole_diagram(page)
@@ -341,6 +347,7 @@ def test_it_is_dark_where_dark_is_target(visit: Visits, study: Path) -> None:
     assert light > 700 and dark < 120
 
 
+@pytest.mark.slow
 def test_it_prints_with_every_case_open_and_without_controls(visit: Visits, study: Path) -> None:
     page = visit(study).page
     page.evaluate("dispatchEvent(new Event('beforeprint'))")

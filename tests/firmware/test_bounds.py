@@ -52,6 +52,7 @@ def published(row: str, column: int) -> list[int]:
     return [int(number.replace(" ", "")) for number in cells[column].split(",")]
 
 
+@pytest.mark.slow
 def test_the_page_has_these_figures(compiler, request) -> None:
     """Sizes within a percent and paths within two instructions, for the versions in the table's head."""
     name = request.node.callspec.params["compiler"]

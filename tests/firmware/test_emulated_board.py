@@ -240,6 +240,7 @@ def test_the_stack_is_large_enough(make_single) -> None:
     assert untouched > 2 * frame + 300
 
 
+@pytest.mark.slow
 def test_instructions_a_tick(make_single) -> None:
     """Counted on the Cortex-M4 code of the image, calls included, no fused contraction."""
     from tests.helpers.board_probes import count_instructions

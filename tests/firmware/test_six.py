@@ -312,6 +312,7 @@ def test_an_outlier_of_the_noise_does_not_stop_the_check(hosted, sign: float) ->
             assert board.fast.faults == Fault.MISMATCH, channel
 
 
+@pytest.mark.slow
 def test_a_plate_that_moves_again_is_driven_again(hosted) -> None:
     """A second after the fault and a check, at the same pattern and level; nobody clears it."""
     board = running(hosted)
@@ -535,6 +536,7 @@ def test_image_fits(make_image) -> None:
     assert image.flash_bytes <= 32 * 1024 and image.ram_bytes <= 16 * 1024
 
 
+@pytest.mark.slow
 def test_timers_make_40_khz_with_dead_time_and_trigger_the_scan(make_six) -> None:
     board = make_six(table())
     for timer in (0x40010000, 0x40010400):
@@ -564,6 +566,7 @@ def test_a_halted_core_halts_what_runs_by_itself_and_an_overflowing_stack_faults
     assert board.symbol("stack_end") == 0x20000000 and board.symbol("stack_top") <= board.symbol("data_start")
 
 
+@pytest.mark.slow
 def test_pattern_over_the_line_on_the_emulated_board(make_six, core) -> None:
     from firmware.emulate.images import EmulatedPort
     from tests.helpers.board_probes import hear_earlier

@@ -47,6 +47,7 @@ def test_a_pocket_of_the_back_is_a_hole_of_that_face_alone(tmp_path: Path) -> No
     assert (outline.touch.beneath(foot), outline.back.beneath(foot)) == ("", "hole")
 
 
+@pytest.mark.slow
 def test_points_on_a_face_are_as_many_as_its_area(tmp_path: Path) -> None:
     """1e5 points drawn evenly: the share on the face is its area's to four standard deviations."""
     outline = read(disc(10.0, 4.0, 1.0), tmp_path)

@@ -38,6 +38,7 @@ def drift_of(own: Case, **options: Any) -> DriftResult:
     return ask(own, Drift(**options), Run(LOG))
 
 
+@pytest.mark.slow
 def test_a_plate_of_one_material_scales_as_it_is_solved_warm(coarsest_cells: None) -> None:
     found = drift_of(case(PLATE, PLATE), around_K=40.0, points=3)
     warm = case(PLATE, PLATE, "solve.temperature_C=60")

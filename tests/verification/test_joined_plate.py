@@ -83,6 +83,7 @@ def compare(settings: HexSettings, symmetries: tuple[str, ...], through: int, de
         assert np.abs(mac[0] - mac[1]).max() < 0.02, symmetry
 
 
+@pytest.mark.slow
 def test_the_joined_plate_has_the_modes_of_the_whole_mesh() -> None:
     compare(ORDER_3, ("SS",), 3)
 

@@ -174,6 +174,7 @@ def rms_of(field: TouchField) -> float:
     return float(np.sqrt(square / field.weights[active].sum()))
 
 
+@pytest.mark.slow
 def test_one_loss_for_plate_and_patches_is_one_quality_factor():
     """With patches, and with what yields beneath them. A number damps the modes alone, the materials all that moves."""
     alike = replace(MATERIALS["aluminium"], loss_factor=1.0 / 80.0)

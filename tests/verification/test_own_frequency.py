@@ -312,6 +312,7 @@ def test_rows_that_no_material_can_have_are_named(change: dict[str, Any], words:
         case(METAL, {key: value for key, value in (RESIN | change).items() if value is not None})
 
 
+@pytest.mark.slow
 def test_frequencies_beyond_the_rows_are_named() -> None:
     short = RESIN | {"young_GPa_at": ROWS[:2]}
     log = RecordingLog()

@@ -137,6 +137,7 @@ def slender(number: int) -> float:
     return float(beta**2 * radius * (1.0 + 2.4 * (1.0 + ALUMINIUM.as_isotropic.poisson)) / 2.0)
 
 
+@pytest.mark.slow
 @PAIRS
 def test_a_free_strip_under_one_patch_has_the_laminates_frequency(pair: Pair) -> None:
     """Shear and rotation lower it; what a strip's width does to the real pair, (width/half-wave)^2 of nu^2, raises it."""
@@ -181,6 +182,7 @@ def test_the_space_of_modes_and_rests_holds_the_open_mode() -> None:
     assert mine == pytest.approx(reference, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("circuit", ["short", "open"])
 def test_a_voltage_peaks_at_the_short_and_a_charge_at_the_open_frequency(circuit: str) -> None:
     forced = covered(REAL, circuit=circuit)

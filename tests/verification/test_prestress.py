@@ -120,6 +120,7 @@ def test_a_clamped_sandwich_is_a_beam_under_the_force_of_its_layers() -> None:
     assert factor == pytest.approx(2.0, rel=2.0 * missed)
 
 
+@pytest.mark.slow
 def test_one_material_that_is_free_has_no_stress() -> None:
     model = plate(50.0, [], (24e-3, 18e-3, 2e-3), (Layer(METAL, 2e-3),))
     cold = plate(0.0, [], (24e-3, 18e-3, 2e-3), (Layer(METAL, 2e-3),))
@@ -131,6 +132,7 @@ def test_one_material_that_is_free_has_no_stress() -> None:
         assert tones[1] / tones[0] == pytest.approx(np.sqrt(1.0 + 50.0 * EXPANSION), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_symmetry_classes_carry_the_stress_of_the_whole_plate() -> None:
     """A spring far too soft to matter takes the mirrors away."""
     known = []
@@ -288,6 +290,7 @@ def strip_case(**changes: Any) -> Case:
     return case_from_dict(tables | changes)
 
 
+@pytest.mark.slow
 def test_a_plate_beyond_buckling_is_refused_in_one_line() -> None:
     said = []
     with pytest.raises(InputError) as fault:

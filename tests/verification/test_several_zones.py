@@ -61,6 +61,7 @@ def test_rows_stand_around_each_zone_and_pillars_at_one_place_are_one() -> None:
     assert len(tiling.feet) == 8 and np.diff(tiling.x).min() > 1e-4
 
 
+@pytest.mark.slow
 def test_areas_are_those_of_each_zone_and_of_none() -> None:
     """Panels are cut at the borders of every zone; what lies in another zone is neither active nor passive."""
     design = case_of().design

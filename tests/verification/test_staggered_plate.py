@@ -202,6 +202,7 @@ def test_the_gap_over_the_irreducible_part_is_that_of_meshed_cells_over_all_of_t
     assert (rise > 0.0).all() and rise.max() < 5e-3
 
 
+@pytest.mark.slow
 def test_bands_over_the_irreducible_part_are_those_over_the_whole_zone(coarse: Periodic) -> None:
     """Extremes of every band, from grids of one spacing; the part is a quarter by the two mirrors."""
     lattice = case_of().design.lattice

@@ -301,6 +301,7 @@ def test_commands_that_know_no_supports_refuse_them(
     assert "[[support]]: must be left out" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_supported_plate_reports_its_target_mode_without_supports() -> None:
     """The same figures as the same plate solved without them: the target mode is found in the same window."""
     case = clamped_case(("solve.accuracy", 0.05), ("support.1.kind", "foam"), ("support.1.stiffness_N_per_m2", 1e6))

@@ -109,6 +109,7 @@ def every_piece(model: PlateModel) -> dict:
     return {signature(panel): reductions.cell(panel) for panel in {signature(p): p for p in panels}.values()}
 
 
+@pytest.mark.slow
 def test_mirror_classes_of_a_skewed_plate_are_refused() -> None:
     model = joined(DESIGN, skewed, COARSE)
     with pytest.raises(SolverError, match="not its own mirror image"):

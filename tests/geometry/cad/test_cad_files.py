@@ -27,6 +27,7 @@ def design(shape: str = "square", rows: int = 2, fillet: float = 0.0) -> Design:
 SCENES = [design(), design("round", fillet=0.3e-3)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES, ids=["square", "round"])
 def test_stl_is_one_closed_body_with_the_solids_volume(tmp_path, scene):
     body, path = plate_solid(scene), tmp_path / "plate_mm.stl"
@@ -125,6 +126,7 @@ def test_a_triangulation_held_by_the_kernel_does_not_leak_into_the_file(tmp_path
     assert (tmp_path / "after.stl").read_bytes() == (tmp_path / "fresh.stl").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES, ids=["square", "round"])
 def test_3mf_carries_millimetres_and_metadata(tmp_path, scene):
     body, path = plate_solid(scene), tmp_path / "plate.3mf"
@@ -174,6 +176,7 @@ def bonded() -> Design:
     return replace(design(), pillar=BONDED)
 
 
+@pytest.mark.slow
 def test_bonded_materials_stay_separate_parts_of_a_step_file(tmp_path):
     import cadquery as cq
 

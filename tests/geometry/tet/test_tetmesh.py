@@ -189,6 +189,7 @@ def test_no_element_straddles_two_materials(bonded):
     assert volumes == pytest.approx({"plate": plate - pillars, "pillar": pillars}, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_back_ends_where_bonded_pillars_stand(bonded):
     scene = design()
     quarter = scene.length_m * scene.half_span_m / 2.0 / MM2
@@ -309,6 +310,7 @@ def test_nodes_that_stay_off_a_curved_face_are_counted(monkeypatch):
     assert 1 <= off <= 3  # curved edges of one element
 
 
+@pytest.mark.slow
 def test_a_vertex_off_the_cad_is_refused(monkeypatch):
     def moved(request):
         vertices, cells = tetrahedralize(request)

@@ -78,6 +78,7 @@ def test_json_on_standard_output_is_alone_beside_a_table_and_a_picture(tmp_path:
         assert [row["ours"] for row in csv.DictReader(file)] == [each["ours"] for each in document["comparison"]]
 
 
+@pytest.mark.slow
 def test_options_reach_the_model(capsys) -> None:
     assert run("beam", "--frequency", "2.5kHz", "--gain", "3e6", "--gain", "4e6", "--delay", "10us", "--json", "-") == 0
     beam = json.loads(capsys.readouterr().out)

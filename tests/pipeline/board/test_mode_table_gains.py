@@ -82,6 +82,7 @@ def test_residues_are_what_the_forced_response_shows(forced: ForcedPlate, gains:
         assert error < (1e-3 if target else 2e-2) * abs(gains.gain[index, 0]) + 1e-5 * largest, index
 
 
+@pytest.mark.slow
 def test_open_sensors_stiffen_the_modes_and_the_signs_add_up(likest_hz: float, gains: ModalGains) -> None:
     assert 1.0 <= gains.frequency_hz[gains.target] / likest_hz < 1.01
     assert gains.tau_s * np.pi * gains.frequency_hz == pytest.approx(300.0, rel=0.02)
@@ -124,6 +125,7 @@ def test_metres_per_volt_are_those_of_the_driven_plate(case: Case, forced: Force
     assert all(each.metres_per_volt == 0.0 for each in table_with_gains(case, gains).modes)
 
 
+@pytest.mark.slow
 def test_export_computes_them_only_for_patches_that_drive_and_listen(file: Path, case: Case, capsys) -> None:
     target = file.parent / "table.bin"
     assert can_be_computed(case)

@@ -62,6 +62,7 @@ def shapes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written("paraview", tmp_path_factory.mktemp("vtk") / "modes.vtkhdf", BAND)
 
 
+@pytest.mark.slow
 def test_phonopys_file_has_the_bands_of_the_command(tmp_path: Path) -> None:
     data = yaml.safe_load(written("phonopy", tmp_path / "band.yaml").read_text())
     settings = [word for text in COARSE for word in ("--set", text)]
@@ -100,6 +101,7 @@ def test_phonopys_file_of_shifted_rows_has_their_lattice() -> None:
     assert np.allclose(wave[:2], 1e-10 * path.wavevectors[2] / (2.0 * np.pi))
 
 
+@pytest.mark.slow
 def test_paraviews_file_has_a_step_a_mode_on_the_whole_plate(shapes: Path, tmp_path: Path) -> None:
     options = ["--set", COARSE[0], "--set", BAND, "--quiet", "--json", str(tmp_path / "m")]
     assert main(["modes", SMALL, *options]) == 0

@@ -39,6 +39,7 @@ def scattered(explorer: Explorer) -> ToleranceResult:
     return solved(explorer, *SCATTER)
 
 
+@pytest.mark.slow
 def test_a_sample_is_the_design_that_the_page_would_show(explorer: Explorer, scattered: ToleranceResult) -> None:
     record = scattered
     changes = Deviations(0.04e-3, 0.02e-3, 0.0).draw(1, 3, 1)[:, 0, :2]

@@ -87,6 +87,7 @@ def test_the_scene_starts_with_the_file(explorer: Explorer) -> None:
     assert explorer.scene.own() == OWN
 
 
+@pytest.mark.slow
 def test_a_kept_model_is_the_one_made(explorer: Explorer, folder: Path) -> None:
     (kept,) = folder.glob(f"*{SUFFIX}")
     cache = CellModelCache(folder)

@@ -253,6 +253,7 @@ def require_areas(plate: dict[str, Any], explorer: Explorer, given: Design, rel:
     assert ratio == pytest.approx((design.half_span_m - active) / active, rel=rel)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [{}, {"side": 2.15, "extension": 9.0}, {"pitch": 4.35}])
 def test_levels_are_of_the_zone_itself(explorer: Explorer, change: Design) -> None:
     """Whole columns of cells, and plates that reach beyond them or cut them."""

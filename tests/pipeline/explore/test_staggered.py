@@ -61,6 +61,7 @@ def test_one_slider_carries_both_pitches(explorer: Explorer) -> None:
     assert explorer.scene.document()["corners"]["Y"] == pytest.approx([0.0, 1.5])
 
 
+@pytest.mark.slow
 def test_a_pillar_wider_than_half_a_pitch_holds_is_refused(explorer: Explorer) -> None:
     (text,) = explorer.model.cell.box.faults((2e-3, 6.5e-3, 2.4e-3, 5.6e-3))[1:]
     assert "does not fit pitch = 5.6 mm" in text and "a panel 0.5 pitches wide" in text

@@ -49,6 +49,7 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> dict:
     return json.loads((folder / "a.json").read_text())
 
 
+@pytest.mark.slow
 def test_the_fields_of_the_document(document: dict) -> None:
     assert document["schema"] == 2 and document["kx_per_m"] == pytest.approx(7.5 * pi / 0.1155)
     assert len(document["points"]) == 41

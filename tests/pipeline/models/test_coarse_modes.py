@@ -38,6 +38,7 @@ def test_the_mesh_is_made_for_the_highest_mode_at_once_and_each_class_is_solved_
     assert len([fact for fact in log.facts if fact.startswith("class ")]) == 4
 
 
+@pytest.mark.slow
 def test_modes_asked_class_by_class_are_those_of_asking_every_class_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
     few = modes_of(PILLAR)
     monkeypatch.setattr(modes, "coarse_modes", lambda *_: None)

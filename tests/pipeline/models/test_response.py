@@ -72,6 +72,7 @@ def test_the_fields_of_the_document(document: dict) -> None:
     assert len(document["sensor_V_per_V"][0]) == 2
 
 
+@pytest.mark.slow
 def test_the_highest_peak_is_the_curves_highest_point(document: dict) -> None:
     top = int(np.argmax(document["zone_rms_m_per_V"]))
     assert document["highest_peak"]["frequency_hz"] == document["frequency_hz"][top]

@@ -66,6 +66,7 @@ def document(case: Path) -> dict:
     return run(case)
 
 
+@pytest.mark.slow
 def test_the_document_holds_samples_and_their_statistics(document: dict) -> None:
     assert document["schema"] == 2 and document["pillars"] == 8
     assert document["drive"] == "pressure in the target shape" and document["rms_unit"] == "m/N"

@@ -43,6 +43,7 @@ def test_what_the_mesh_takes_of_the_accuracy_is_left_out_of_truncations_part(bar
     assert unit_cell._left_by_the_mesh(bar, 1e-3) == pytest.approx(left)
 
 
+@pytest.mark.slow
 def test_modes_that_nobody_needs_make_room_for_a_degree() -> None:
     """All modes that the plan allows, with a degree more, were more functions than a wavevector may have."""
     scene, corners = case(0.0005), np.pi / 4e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])

@@ -24,6 +24,7 @@ def result() -> SolvedBands:
         return solve_bands(case, RecordingLog(), shapes=True)
 
 
+@pytest.mark.slow
 def test_every_label_has_its_lowest_bands(result: SolvedBands) -> None:
     shapes = result.shapes
     assert shapes["bands_labels"].tolist() == ["G", "X", "M"]

@@ -98,6 +98,7 @@ def test_the_study_measures_the_very_elements_of_the_planner(part: str) -> None:
         assert all(np.allclose(getattr(planned, axis), getattr(studied, axis), rtol=1e-12) for axis in "xyz")
 
 
+@pytest.mark.slow
 def test_a_zones_error_counts_from_the_mode_at_which_it_was_measured() -> None:
     """Modes above the target mode are given more, those within its window too: what was measured lies no lower than good."""
     design = ladder.design()

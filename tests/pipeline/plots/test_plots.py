@@ -62,6 +62,7 @@ def test_units_on_every_axis(case: StoredCase):
         assert "(mm)" in labels(report_figure.figure) or "(kHz)" in labels(report_figure.figure)
 
 
+@pytest.mark.slow
 def test_the_same_record_gives_the_same_bytes(case: StoredCase, tmp_path: Path):
     for folder in ("a", "b"):
         with style.style():

@@ -44,6 +44,7 @@ def test_a_child_that_dies_of_a_segmentation_fault_is_survived(monkeypatch: pyte
     assert rendering.render([PLAIN])[1] == fault  # not tried again
 
 
+@pytest.mark.slow
 def test_pictures_are_drawn_by_one_kept_child():
     rendering.render([PLAIN])
     first = dict(rendering._child()._processes)

@@ -158,6 +158,7 @@ def _on_all_lines(model: PlateModel, case: Case) -> Mesh:
     return hex_mesh(Boxes(x, y, z, region, ("plate", "pillar")), 3)
 
 
+@pytest.mark.slow
 def test_a_zone_s_motion_is_that_of_the_whole_face(forced: ForcedPlate) -> None:
     """Both zones and the rest from the unfolded operating shape: points in y of either sign, weights by the nearest areas."""
     zones, tone = zones_of(forced), 33e3

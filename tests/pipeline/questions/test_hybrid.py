@@ -70,6 +70,7 @@ def test_no_plate_holds_matrices_or_factors_while_others_are_solved(
         assert all(shared.near is None for shared in plate.forced._kept.values())
 
 
+@pytest.mark.slow
 def test_four_plates_are_foreseen_at_once_and_named_as_they_come(record: HybridResult, log: RecordingLog) -> None:
     whole, one = Hybrid(points=4).plan(case_of()).steps[0].demand, response_step(case_of(), None, 4).demand
     assert whole and one and whole.cost.operations == pytest.approx(4.0 * one.cost.operations)

@@ -101,6 +101,7 @@ def test_numbers_that_are_none_are_null() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_what_was_not_computed_is_missing_in_tables_and_arrays() -> None:
     bands = synthetic.bands(0.004)
     from dataclasses import replace

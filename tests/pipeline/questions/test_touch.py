@@ -53,6 +53,7 @@ def test_every_state_is_told_and_its_power_balances(record: TouchResult) -> None
     assert free and touched and free.finger_W == 0.0 < touched.finger_W and touched.finger_m < free.finger_m
 
 
+@pytest.mark.slow
 def test_a_shift_is_surer_than_both_of_its_ends(record: TouchResult) -> None:
     """The error of the free frequency moves the loaded one along: a bar of theirs apart would be hundreds of times as wide."""
     mode = record.mode

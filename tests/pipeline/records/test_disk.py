@@ -94,6 +94,7 @@ def test_a_thousand_cases_stay_under_a_gigabyte(computed: Path) -> None:
     assert "surface_u" not in store.load_arrays(computed)
 
 
+@pytest.mark.slow
 def test_a_stored_case_unfolds_for_its_pictures(computed: Path) -> None:
     arrays = StoredCase(computed, record.read(computed)).arrays()
     assert arrays["surface_u"].shape[0] == 4 and len(arrays["surface_points"]) == 4 * len(arrays["mesh_points"])
@@ -142,6 +143,7 @@ def test_modes_write_fields_where_they_are_asked_to(tmp_path: Path, capsys: pyte
         assert file["displacement"].shape[0] == 2 and set(file["symmetry"]) == {"SA", "AS"}
 
 
+@pytest.mark.slow
 def test_pictures_and_commands_read_the_same_arrays() -> None:
     """plate_arrays, which shows a mode at once, is what a record unfolds to."""
     case = load_case(CASE, [*SMALL, "array.rows=0"])

@@ -529,6 +529,7 @@ def test_a_search_ends_with_the_best_of_what_it_solved(searched: tuple[dict, dic
     assert document["solid"] is None and document["options"]["vary"] == [["pillar.height_mm", 5.6, 6.6]]
 
 
+@pytest.mark.slow
 def test_a_search_repeats_from_what_it_kept(searched: tuple[dict, dict, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     first, second, _ = searched
     assert {k: v for k, v in first.items() if k != "seconds"} == {k: v for k, v in second.items() if k != "seconds"}

@@ -32,6 +32,7 @@ def lopsided() -> ForcedPlate:
     return ForcedPlate(plate, DESIGN, Drive((0,), (), (20e3, 45e3), 100.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [(7e-3, 3e-3), (-7e-3, 3e-3), (7e-3, -3e-3), (-7e-3, -3e-3)])
 def test_a_point_moves_as_the_shape_does_there(place: tuple[float, float]) -> None:
     points, values = lopsided().shape(TONE_HZ)

@@ -58,6 +58,7 @@ def test_counts_are_those_of_a_factorisation(name: str) -> None:
     assert span.within(BAND) == span.ends_hz and span.within((10e3, 70e3)) == (10e3, 70e3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_no_motion_meets_more_of_a_support_than_the_bound(name: str) -> None:
     """E <= t (K + l M) and F <= f (M + K / l), by the largest eigenvalues of the plate, near the worst panel's."""

@@ -334,6 +334,7 @@ def study():
     return active_beam_study()
 
 
+@pytest.mark.slow
 def test_study_has_every_layout_at_every_frequency_and_gain(study):
     assert {case.layout for case in study.cases} == {"point", "pair", "couple", "opposed"}
     assert len(study.cases) == 4 * 2 * 2

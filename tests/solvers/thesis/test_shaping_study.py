@@ -50,6 +50,7 @@ def test_document_states_what_was_chosen_and_every_quantity_of_the_text(document
     assert {one["signal"] for one in document["conditioning"]} == {"calibrated", "displacement"}
 
 
+@pytest.mark.slow
 def test_mode_shapes_have_the_antinodes_the_text_misplaces(study, document):
     for beam in document["beams"]:
         assert beam["antinodes"] == list(range(1, 9))

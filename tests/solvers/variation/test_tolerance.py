@@ -180,6 +180,7 @@ class Whole:
         return float(zone), float(passive)
 
 
+@pytest.mark.slow
 def test_without_deviations_the_target_mode_is_tracked_to_itself() -> None:
     """In this band the target shape is split: other modes, and what the pressure adds to them, have it too."""
     have = stand()

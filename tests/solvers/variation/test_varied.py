@@ -73,6 +73,7 @@ def middle() -> CellFamily:
     return _cell_family(SETTING, MIDDLE, REACH)
 
 
+@pytest.mark.slow
 def test_the_nominal_pillar_is_the_nominal_cell(middle: CellFamily) -> None:
     stiffness, mass = middle.at(np.zeros(PARAMETERS))
     assert np.array_equal(stiffness, middle.cell.stiffness) and np.array_equal(mass, middle.cell.mass)
