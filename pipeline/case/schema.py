@@ -47,6 +47,7 @@ GLUE_ALLOWED = "a table {material, thickness_mm} of the layer between patches an
 DEFECTS_ALLOWED = "tables [[defect]] of at = [i, j], a cell of the supercell, and remove = true or keys of [pillar]"
 VECTOR_ALLOWED = "two numbers [x, y], a lattice vector"
 LAYERS_ALLOWED = "tables [[plate.layer]] of material and thickness_mm, from the touch face to the back"
+PLACE = f"two numbers [x, y] up to {LENGTH_MM[1]:g} mm"
 FROM_CENTRE = "from the plate's centre"
 ATTACHED_ALLOWED = "tables [[cell.attached]] of at_mm = [x, y] with mass_g, stiffness_N_per_m or both"
 SUPPORTS_ALLOWED = "tables [[support]] of kind with edge, or with at_mm and radius_mm"
@@ -197,7 +198,7 @@ class ZoneTable(Table):
     count: int = whole(1, limits.MAX_ZONES, default=1)
     shared_rows: int = whole(0, 1000, default=0)
     gap_mm: float | None = optional(LENGTH_MM)
-    centre_mm: Place | None = Field(default=None, description=f"two numbers [x, y], {FROM_CENTRE}")
+    centre_mm: Place | None = Field(default=None, description=f"{PLACE} {FROM_CENTRE}")
     centre_x_mm: Coordinate | None = Field(default=None, description=f"a number, {FROM_CENTRE}")
     centre_y_mm: Coordinate | None = Field(default=None, description=f"a number, {FROM_CENTRE}")
     centres_mm: Annotated[list[Place], Field(min_length=2, max_length=limits.MAX_ZONES)] | None = Field(
@@ -321,7 +322,7 @@ class SupportTable(Table):
 
 
 class AttachedTable(Table):
-    at_mm: Place = Field(description="two numbers [x, y] from the cell's centre")
+    at_mm: Place = Field(description=f"{PLACE} from the cell's centre")
     mass_g: float | None = optional_from_0(limits.MASS_G)
     stiffness_N_per_m: float | None = optional_from_0(limits.STIFFNESS_N_M)
     damping_Ns_per_m: float | None = optional_from_0(limits.DAMPING_NS_M)
@@ -363,7 +364,7 @@ class FingertipTable(Table):
 
 class TouchTable(Table):
     impedance: str | FingertipTable = Field(default="finger", description=FINGERTIP_ALLOWED)
-    at_mm: Place | None = Field(default=None, description="two numbers [x, y], from the plate's centre")
+    at_mm: Place | None = Field(default=None, description=f"{PLACE} {FROM_CENTRE}")
     radius_mm: float = positive(LENGTH_MM)
     force_N: float | None = optional(limits.FORCE_N)
     gap_um: Annotated[list[Gap], Field(min_length=2, max_length=2)] | None = Field(
@@ -383,7 +384,7 @@ class CellTable(Table):
 class MeasuredTable(Table):
     sweep: str | None = text("the path of a CSV file", min_length=1)
     map: str | None = text("the path of a CSV file", min_length=1)
-    at_mm: Place | None = Field(default=None, description="two numbers [x, y], the position of the sweep's laser")
+    at_mm: Place | None = Field(default=None, description=f"{PLACE} {FROM_CENTRE}, the position of the sweep's laser")
 
 
 Deviation = Annotated[

@@ -23,7 +23,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.planning import mesh_rules, simplifications
 from pipeline.planning.simplifications import CLASSES, Simplification
-from pipeline.quantity import MM, figure, percent, several
+from pipeline.quantity import KHZ, MM, figure, percent, several
 from solvers.accuracy.calibration import HEX, TET, TET_ORDER, MeshLevel
 from solvers.errors import SolverError
 from solvers.measures.confinement import target_symmetry
@@ -434,11 +434,17 @@ def with_search(case: Case, query: Request) -> Request:
 def driven_band_hz(case: Case, band_hz: tuple[float, float] | None) -> tuple[float, float]:
     """Band of a response or an attenuation: the given one, else the case's, else one around the target mode.
 
-    Raises InputError for a case without any of them.
+    Raises InputError for a case without any of them, or whose band begins at 0.
     """
     if not (band_hz or case.solve.band_hz or "zone" in case.given):
         raise InputError(
             f"{case.source or case.name}: --band: missing, it is the target mode's only where there is a [zone]"
+        )
+    if not band_hz and case.solve.band_hz and not case.solve.band_hz[0]:
+        low, high = (end / KHZ for end in case.solve.band_hz)
+        raise InputError(
+            f"{case.source or case.name}: solve.band_kHz = [{low:g}, {high:g}]: "
+            "must begin above 0 for this command, or give --band"
         )
     return band_hz or case.solve.band_hz or mesh_rules.target_window_hz(case.design)
 

@@ -128,6 +128,15 @@ def test_a_band_is_requested_of_a_case_without_a_target_mode() -> None:
         driven_band_hz(case(pitch_mm=5.0), None)
 
 
+def test_a_band_from_0_is_one_of_modes_alone() -> None:
+    whole = case_from_dict(RAW | {"array": {"pitch_mm": 5.0, "rows": 2}, "solve": {"band_kHz": [0.0, 40.0]}})
+    with pytest.raises(
+        InputError, match=r"solve.band_kHz = \[0, 40\]: must begin above 0 for this command, or give --band"
+    ):
+        driven_band_hz(whole, None)
+    assert driven_band_hz(whole, (1e3, 2e3)) == (1e3, 2e3)
+
+
 def test_a_pitch_replaces_the_vectors() -> None:
     changed = case(a1_mm=[5, 0], a2_mm=[0, 5]).but({"array.pitch_mm": 6.0})
     assert changed.design.pitch_x_m == changed.design.pitch_y_m == pytest.approx(6e-3)
