@@ -239,7 +239,8 @@ def refresh(names: Sequence[str]) -> None:
         if example.name in names or not names:
             with tempfile.TemporaryDirectory() as folder:
                 picture = Path(folder) / example.file
-                if (whole := THUMBNAILS.parent / example.picture).exists():  # that a page shows
+                whole = THUMBNAILS.parent / example.picture  # that a page shows; drawings of its name are of studies
+                if whole.exists() and whole.suffix != ".svg":
                     made(example, Path(folder))
                     shutil.copyfile(picture, whole)
                 made(example, Path(folder), NARROW.format(python=sys.executable))
