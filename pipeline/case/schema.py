@@ -47,7 +47,7 @@ GLUE_ALLOWED = "a table {material, thickness_mm} of the layer between patches an
 DEFECTS_ALLOWED = "tables [[defect]] of at = [i, j], a cell of the supercell, and remove = true or keys of [pillar]"
 VECTOR_ALLOWED = "two numbers [x, y], a lattice vector"
 LAYERS_ALLOWED = "tables [[plate.layer]] of material and thickness_mm, from the touch face to the back"
-PLACE = f"two numbers [x, y] up to {LENGTH_MM[1]:g} mm"
+PLACE = f"two numbers [x, y] within {LENGTH_MM[1]:g} mm of"
 FROM_CENTRE = "from the plate's centre"
 ATTACHED_ALLOWED = "tables [[cell.attached]] of at_mm = [x, y] with mass_g, stiffness_N_per_m or both"
 SUPPORTS_ALLOWED = "tables [[support]] of kind with edge, or with at_mm and radius_mm"
@@ -198,7 +198,7 @@ class ZoneTable(Table):
     count: int = whole(1, limits.MAX_ZONES, default=1)
     shared_rows: int = whole(0, 1000, default=0)
     gap_mm: float | None = optional(LENGTH_MM)
-    centre_mm: Place | None = Field(default=None, description=f"{PLACE} {FROM_CENTRE}")
+    centre_mm: Place | None = Field(default=None, description=f"{PLACE} the plate's centre")
     centre_x_mm: Coordinate | None = Field(default=None, description=f"a number, {FROM_CENTRE}")
     centre_y_mm: Coordinate | None = Field(default=None, description=f"a number, {FROM_CENTRE}")
     centres_mm: Annotated[list[Place], Field(min_length=2, max_length=limits.MAX_ZONES)] | None = Field(
@@ -313,7 +313,7 @@ class AirTable(Table):
 class SupportTable(Table):
     kind: Literal["clamp", "simple", "foam", "spring", "mass"]
     edge: Literal["x-", "x+", "y-", "y+"] | None = Field(default=None, description="x-, x+, y- or y+")
-    at_mm: Place | None = Field(default=None, description=f"[x, y] within {LENGTH_MM[1]:g} mm of the plate's centre")
+    at_mm: Place | None = Field(default=None, description=f"{PLACE} the plate's centre")
     radius_mm: float | None = optional(LENGTH_MM)
     stiffness_N_per_m: float | None = optional_from_0(limits.STIFFNESS_N_M)
     stiffness_N_per_m2: float | None = optional_from_0(limits.STIFFNESS_N_M)
@@ -322,7 +322,7 @@ class SupportTable(Table):
 
 
 class AttachedTable(Table):
-    at_mm: Place = Field(description=f"{PLACE} from the cell's centre")
+    at_mm: Place = Field(description=f"{PLACE} the cell's centre")
     mass_g: float | None = optional_from_0(limits.MASS_G)
     stiffness_N_per_m: float | None = optional_from_0(limits.STIFFNESS_N_M)
     damping_Ns_per_m: float | None = optional_from_0(limits.DAMPING_NS_M)
@@ -364,7 +364,7 @@ class FingertipTable(Table):
 
 class TouchTable(Table):
     impedance: str | FingertipTable = Field(default="finger", description=FINGERTIP_ALLOWED)
-    at_mm: Place | None = Field(default=None, description=f"{PLACE} {FROM_CENTRE}")
+    at_mm: Place | None = Field(default=None, description=f"{PLACE} the plate's centre")
     radius_mm: float = positive(LENGTH_MM)
     force_N: float | None = optional(limits.FORCE_N)
     gap_um: Annotated[list[Gap], Field(min_length=2, max_length=2)] | None = Field(
@@ -384,7 +384,9 @@ class CellTable(Table):
 class MeasuredTable(Table):
     sweep: str | None = text("the path of a CSV file", min_length=1)
     map: str | None = text("the path of a CSV file", min_length=1)
-    at_mm: Place | None = Field(default=None, description=f"{PLACE} {FROM_CENTRE}, the position of the sweep's laser")
+    at_mm: Place | None = Field(
+        default=None, description=f"{PLACE} the plate's centre, the position of the sweep's laser"
+    )
 
 
 Deviation = Annotated[

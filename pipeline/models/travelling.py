@@ -316,17 +316,14 @@ def _mode(table: ModalTable, design: Design, lines: int) -> int | None:
     return best if share[best] >= MIN_SHARE else None
 
 
-def _values(
-    wave: Travelling, design: Design, strains: Strains, each: Variation | Louder | None = None
-) -> dict[str, Any]:
+def _values(wave: Travelling, design: Design, strains: Strains) -> dict[str, Any]:
     """Return the columns of a wave without their errors; power and field are for 1 um rms in the zone.
 
-    strains: of the plate as solved, of which the wave's may be a variation within its error bars.
+    strains: of the wave's plate, or of the one of which it is a variation within its error bars.
     """
     pair, volts, tone = wave.pair, wave.drives["pair+"], wave.pair.frequency_hz
     plate = wave.forced.driven_by(wave.all_volts(volts))
-    turned = [each.of_columns] if each else []
-    curve, flow = plate.curve(np.array([tone])), power_flow(plate, tone, strains, *turned)
+    curve, flow = plate.curve(np.array([tone])), power_flow(plate, tone, strains)
     zone = float(curve.zone_rms_m_per_v[0])
     per_um = UM / zone
     passive = None if curve.passive_rms_m_per_v is None else float(ratio_db(zone, curve.passive_rms_m_per_v[0]))
@@ -362,7 +359,7 @@ def _values(
         "lost_W": flow.lost_w * per_um**2,
         "flow_x_m": flow.x_m.tolist(),
         "flow_W": (flow.flow_w * per_um**2).tolist(),
-        "standing_flow_W": (power_flow(stand, tone, strains, *turned).flow_w * (UM / standing) ** 2).tolist(),
+        "standing_flow_W": (power_flow(stand, tone, strains).flow_w * (UM / standing) ** 2).tolist(),
         "inner_sections": max(len(flow.x_m) - 2, 0),
     }
 
@@ -394,7 +391,7 @@ def _bars(
         known = [each.of_columns(basis, own) for basis, own in zip(forced.modes, rows, strict=True)]
         try:
             wave = best_pair(each.of(forced), design, others, known)
-            moved = _values(wave, design, strains, each)
+            moved = _values(wave, design, replace(strains, turned=each.of_columns))
             figures, driven[id(each)] = _figures(moved), _driven(wave, moved, each)
         except SolverError:
             figures = np.zeros(0)

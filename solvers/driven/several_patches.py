@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from math import pi
 from typing import Any
 
@@ -15,7 +15,7 @@ from solvers.driven.curve_bars import Doubts, rms, rms_bars, with_peak
 from solvers.errors import SolverError
 from solvers.measures.confinement import peak_hz, ratio_db, target_shape, zone_parts
 from solvers.piezo.forced import ForcedPlate, GroupModes
-from solvers.piezo.patched_plate import PatchedPlate
+from solvers.piezo.patched_plate import Group, PatchedPlate
 from solvers.piezo.responses import face_motion, resonances_hz
 from solvers.shaping.modal_table import ModalTable
 from solvers.superelement.bond import mirror_signs
@@ -97,7 +97,10 @@ def zones_of(forced: ForcedPlate) -> Zones:
     shapes, norms = np.zeros((len(views), count)), np.zeros(len(views))
     for flip in flips:
         values = np.hstack(
-            [_added(basis.group.symmetries, own, flip) for basis, own in zip(forced.modes, fields, strict=True)]
+            [
+                _at_image(basis.group, [field.values for field in own], flip)
+                for basis, own in zip(forced.modes, fields, strict=True)
+            ]
         )
         weights = first.weights / len(flips)
         points = first.points * flip
@@ -114,10 +117,10 @@ def zones_of(forced: ForcedPlate) -> Zones:
     return Zones(forced, means, shapes / np.sqrt(norms * areas[:-1])[:, None])
 
 
-def _added(symmetries: tuple[str, ...], fields: list, flip: FloatArray) -> FloatArray:
-    """u_z of a group's columns at the images of its points, (points, columns)."""
-    signs = [mirror_signs(symmetry, flip)[2] for symmetry in symmetries]
-    return np.sum([sign * field.values for sign, field in zip(signs, fields, strict=True)], axis=0)
+def _at_image(group: Group, fields: Sequence[FloatArray], flip: FloatArray) -> FloatArray:
+    """A group's fields at the image of their points, (n, columns): a sum of the classes, each with the sign of its mirrors."""
+    signs = [mirror_signs(symmetry, flip)[2] for symmetry in group.symmetries]
+    return np.sum([sign * values for sign, values in zip(signs, fields, strict=True)], axis=0)
 
 
 def zone_volts(forced: ForcedPlate, centres_m: FloatArray) -> FloatArray:
@@ -231,28 +234,6 @@ class PowerFlow:
     lost_w: float
 
 
-@dataclass(frozen=True)
-class Strains:
-    """Strain energies u' K u between the solved modes of a driven plate, scaled, group after group.
-
-    x_m (n,): sections that no patch straddles; left (n + 1, modes, modes): of what lies left of each, and of the whole plate;
-    roots: A^(-1/2) (k, k) of each group's stiffness A between its modes, none of them rigid.
-    """
-
-    x_m: FloatArray
-    left: FloatArray
-    roots: list[FloatArray]
-
-    def of(self, forced: ForcedPlate, eigenvalue: float, volts: ComplexArray, turned: Turned) -> FloatArray:
-        """Energies (n + 1,) of the modes' motion: modes U T of a plate within its error bars move as U A^(-1/2) T L^(1/2) q."""
-        motion = []
-        for basis, root in zip(forced.modes, self.roots, strict=True):
-            damped = basis.amplitudes(eigenvalue, volts)[: len(root)] * np.sqrt(basis.eigenvalue)
-            motion.append(root @ (turned(basis, np.eye(len(root))) @ damped))
-        at_once = np.concatenate(motion)
-        return np.asarray(((self.left @ at_once) @ at_once.conj()).real)
-
-
 Turned = Callable[
     [GroupModes, FloatArray], FloatArray
 ]  # values of a group's modes (..., modes) in those of a plate varied
@@ -262,9 +243,31 @@ def _as_solved(_: GroupModes, values: FloatArray) -> FloatArray:
     return values
 
 
-def power_flow(
-    forced: ForcedPlate, frequency_hz: float, strains: Strains | None = None, turned: Turned = _as_solved
-) -> PowerFlow:
+@dataclass(frozen=True)
+class Strains:
+    """Strain energies u' K u between the solved modes of a driven plate, scaled, group after group.
+
+    x_m (n,): sections that no patch straddles; left (n + 1, modes, modes): of what lies left of each, and of the whole plate;
+    roots: A^(-1/2) (k, k) of each group's stiffness A between its modes, none of them rigid; turned: how the modes of a
+    plate within its error bars differ (`Variation.of_columns`).
+    """
+
+    x_m: FloatArray
+    left: FloatArray
+    roots: list[FloatArray]
+    turned: Turned = _as_solved
+
+    def of(self, forced: ForcedPlate, eigenvalue: float, volts: ComplexArray) -> FloatArray:
+        """Energies (n + 1,) of the modes' motion: modes U T of a plate within its error bars move as U A^(-1/2) T L^(1/2) q."""
+        motion = []
+        for basis, root in zip(forced.modes, self.roots, strict=True):
+            damped = basis.amplitudes(eigenvalue, volts)[: len(root)] * np.sqrt(basis.eigenvalue)
+            motion.append(self.turned(basis, root) @ damped)
+        at_once = np.concatenate(motion)
+        return np.asarray(((self.left @ at_once) @ at_once.conj()).real)
+
+
+def power_flow(forced: ForcedPlate, frequency_hz: float, strains: Strains | None = None) -> PowerFlow:
     """Compute the flow of power along a driven plate (`ForcedPlate.driven_by`) through sections at the edges of its panels.
 
     Parameters
@@ -274,9 +277,7 @@ def power_flow(
     frequency_hz : float
         Frequency of the drive.
     strains : Strains, optional
-        `strains_of` the plate, if known.
-    turned : callable, optional
-        How the modes differ from those of `strains` (`Variation.of_columns`).
+        `strains_of` the plate, or of the one of which it is a variation, if known.
 
     Returns
     -------
@@ -296,7 +297,7 @@ def power_flow(
     current = 1j * omega * (charge * plate.stiffness_unit + plate.capacitance_f * volts)
     given = 0.5 * (volts.conj() * current).real
     loss = forced.loss_at(frequency_hz)
-    *left, lost = 0.5 * omega * loss * plate.stiffness_unit * known.of(forced, eigenvalue, volts, turned)
+    *left, lost = 0.5 * omega * loss * plate.stiffness_unit * known.of(forced, eigenvalue, volts)
     ends = _spans(plate)[:, 1]
     flow = [given[ends <= edge + 1e-9].sum() - before for edge, before in zip(known.x_m, left, strict=True)]
     return PowerFlow(given, known.x_m, np.array(flow), float(lost))
@@ -330,7 +331,7 @@ def strains_of(forced: ForcedPlate) -> Strains:
     sections = edges[~((spans[:, :1] < edges) & (edges < spans[:, 1:])).any(axis=0)]
     ends, count = np.append(sections, np.inf), sum(own.shape[1] for own in modes)
     left = np.zeros((len(ends), count, count))
-    for x, moved, stiffness in (*_panels(forced, modes), *_on_patches(forced, modes)):
+    for x, moved, stiffness in chain(_panels(forced, modes), _on_patches(forced, modes)):
         left[x < ends] += moved.T @ np.asarray(stiffness @ moved)
     return Strains(sections, left, [_root(basis, own) for basis, own in zip(forced.modes, modes, strict=True)])
 
@@ -355,19 +356,21 @@ def _root(basis: GroupModes, modes: FloatArray) -> FloatArray:
 
 def _panels(forced: ForcedPlate, modes: list[FloatArray]) -> Iterator[tuple[float, FloatArray, FloatArray]]:
     """Every panel of the whole plate: its middle x, the motion (dof, modes) of its share, and its stiffness."""
-    groups = [
-        list(zip(basis.group.plates, basis.group.split(own), strict=True))
-        for basis, own in zip(forced.modes, modes, strict=True)
-    ]
-    classes = [each for group in groups for each in group]
-    flips = [(1.0, 1.0)] if classes[0][0].symmetry == WHOLE else FLIPS
-    for cells in zip(*(plate.placed_cells for plate, _ in classes), strict=True):
-        fields = iter([plate.cell_vectors(cell, own) for cell, (plate, own) in zip(cells, classes, strict=True)])
-        by_group = [[(plate.symmetry, next(fields)) for plate, _ in group] for group in groups]
-        share = np.sqrt(cells[0].copies / len(flips))
-        for flip in np.array(flips):
-            moved = [np.sum([mirror_signs(name, flip)[2] * own for name, own in group], axis=0) for group in by_group]
-            yield flip[0] * cells[0].middle[0], share * np.hstack(moved), cells[0].cell.stiffness
+    split = [(basis.group, basis.group.split(own)) for basis, own in zip(forced.modes, modes, strict=True)]
+    first = split[0][0].plates[0]
+    flips = np.array([(1.0, 1.0)] if first.symmetry == WHOLE else FLIPS)
+    for number, placed in enumerate(first.placed_cells):
+        fields = [
+            [
+                plate.cell_vectors(plate.placed_cells[number], own)
+                for plate, own in zip(group.plates, parts, strict=True)
+            ]
+            for group, parts in split
+        ]
+        share = np.sqrt(placed.copies / len(flips))
+        for flip in flips:
+            moved = [_at_image(group, own, flip) for (group, _), own in zip(split, fields, strict=True)]
+            yield flip[0] * placed.middle[0], share * np.hstack(moved), placed.cell.stiffness
 
 
 def _on_patches(forced: ForcedPlate, modes: list[FloatArray]) -> Iterator[tuple[float, FloatArray, Any]]:

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from math import acos, cos, gamma, pi, sin, sqrt
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -443,6 +442,9 @@ def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
     return 8.0 * COPIES * max(loads) + 3.0 * 16.0 * count**2
 
 
+Image = tuple[IntArray, FloatArray]  # of points (q,) in one class: the number of its force, and the sign of its motion
+
+
 def _lattice_receptance(
     touched: TouchedPlate, points_m: FloatArray, frequency_hz: float
 ) -> tuple[ComplexArray, FloatArray]:
@@ -454,19 +456,26 @@ def _lattice_receptance(
     plate, count = touched.plate, len(touched.plate.patches)
     eigenvalue = plate.scale.eigenvalue(frequency_hz)
     total, gains = np.zeros((count + len(points_m),) * 2, dtype=complex), []
+    size = total.shape[1]
     for basis in touched.free.all_modes:
         loads, images = _folded(basis.group, points_m)
         loaded = with_loads(basis, loads / plate.stiffness_unit)
         own = loaded.receptance(eigenvalue)
-        total += _unfolded(_unfolded(own, count, images).T, count, images)
-        gains.append(_unfolded(loaded.gain, count, images))
+        half, gain = np.zeros((len(own), size), dtype=complex), np.zeros((len(loaded.gain), size))
+        _unfold(own, half, count, images)
+        _unfold(half.T, total, count, images)
+        _unfold(loaded.gain, gain, count, images)
+        gains.append(gain)
     return np.asarray(total * plate.stiffness_unit), np.concatenate(gains)
 
 
-def _unfolded(values: FloatArray | ComplexArray, count: int, images: list[Image]) -> Any:
-    """Values (n, p + q) of p patches and q points from those of the patches and of their forces by class, (n, p + k)."""
-    points = sum(values[:, count + place] * sign for place, sign in images)
-    return np.hstack([values[:, :count], points])
+def _unfold(values: FloatArray | ComplexArray, out: FloatArray | ComplexArray, count: int, images: list[Image]) -> None:
+    """Add values (n, p + k) of p patches and of forces by class to those of the patches and of q points, (n, p + q)."""
+    out[:, :count] += values[:, :count]
+    for place, sign in images:
+        own = values[:, count + place]
+        own *= sign
+        out[:, count:] += own
 
 
 def crest_motion(along_m: ComplexArray, normal_m: ComplexArray, frequency_hz: float) -> CrestMotion:
@@ -554,9 +563,6 @@ def _beyond(basis: GroupModes, patches: int, slopes: bool) -> tuple[FloatArray, 
     gain = np.vstack([each[patches:, patches:].T for each in basis.residual_gain[: 2 if slopes else 1]])
     eigenvalue, vectors = ritz_modes(stiffness, mass)
     return eigenvalue, vectors.T @ gain
-
-
-Image = tuple[IntArray, FloatArray]  # of points (q,) in one class: the number of its force, and the sign of its motion
 
 
 def _folded(group: Group, points_m: FloatArray) -> tuple[FloatArray, list[Image]]:

@@ -50,7 +50,7 @@ def test_of_two_antinodes_as_near_it_takes_the_one_at_positive_x() -> None:
         ({"radius_mm": -1.0}, "touch.radius_mm = -1: must be a finite number above 0"),
         (
             {"at_mm": [1e9, 0.0]},
-            "touch.at_mm = [1000000000, 0]: must be two numbers [x, y] up to 1e+07 mm from the plate's centre",
+            "touch.at_mm = [1000000000, 0]: must be two numbers [x, y] within 1e+07 mm of the plate's centre",
         ),
         ({"at_mm": [9.0, 0.0]}, "touch.at_mm = [9, 0]: the contact extends beyond the plate of 20 x"),
         ({"radius_mm": 15.0}, "touch.radius_mm = 15: the contact extends beyond the plate"),

@@ -109,7 +109,8 @@ def test_power_within_the_error_bars_follows_from_the_strains_of_the_plate_as_so
     (varied, _) = next(mixings(plate, errors, record.modes[0].frequency_hz, 1.0))
     other = varied.of(plate)
     anew, turned, not_turned = (
-        power_flow(other, record.frequency_hz, *more).flow_w for more in ((), (known, varied.of_columns), (known,))
+        power_flow(other, record.frequency_hz, strains).flow_w
+        for strains in (None, dataclasses.replace(known, turned=varied.of_columns), known)
     )
     assert turned == pytest.approx(anew, abs=1e-9 * np.abs(anew).max())
     assert np.abs(not_turned - anew).max() > 1e-4 * np.abs(anew).max()
