@@ -85,9 +85,8 @@ class CoarseCell:
 
         Found by bisection of inertia counts; the first guess assumes a count that goes as the frequency squared.
         """
-        if below_hz not in self._ends_hz:
-            found = next((end for below, end in self._ends_hz.items() if end < below), None)
-            self._ends_hz[below_hz] = self._bisected_hz(below_hz) if found is None else min(found, below_hz)
+        if below_hz not in self._ends_hz:  # another limit's end would make an answer depend on what was asked before
+            self._ends_hz[below_hz] = self._bisected_hz(below_hz)
         return self._ends_hz[below_hz]
 
     def resolves(self, modes: float) -> bool:
@@ -220,6 +219,12 @@ def model_choice_of(case: Case, part: str, high_hz: float) -> ModelChoice:
     """Choose model and mesh of a part for modes up to a frequency; InputError for an unsuitable model."""
     check_model(case, part == "zone" or _hexahedra(case, part))
     return _plate(case, high_hz) if part == "plate" else _lone_part(case, part, high_hz)
+
+
+def bands_end_hz(case: Case) -> float:
+    """Upper limit of the requested bands of a case's cell, Hz, by its coarse cell; at most the cut-off of a plate's panels."""
+    below_hz = mesh_rules.lattice_reduction(case.design, case.solve.accuracy).top_hz
+    return coarse_cell(case.design, case.bands.count).bands_end_hz(below_hz)
 
 
 def check_model(case: Case, hexahedra: bool) -> None:
@@ -516,10 +521,8 @@ def _modes_end_hz(case: Case, high_hz: float) -> float:
     design = case.design
     if design.pillar is None:
         return inf
-
-    plate_hz = mesh_rules.lattice_reduction(design, case.solve.accuracy).top_hz
     try:
-        end_hz = coarse_cell(design, case.bands.count).bands_end_hz(plate_hz)
+        end_hz = bands_end_hz(case)
     except SolverError:  # more modes than a coarse mesh can count
         return inf
     return max((mesh_rules.REACH if design.stagger else BEYOND) * end_hz, mesh_rules.REACH * high_hz)

@@ -63,7 +63,6 @@ SOLVE_OPERATIONS, WAVE_OPERATIONS, WAVES_ABOVE = 5e7, 8.0, 6
 # equivalent of meshing, assembling, joining and bounding three nested meshes of a cell; of each coarse cell that sets its
 # reduction
 CELL_OPERATIONS, COARSE_CELLS, COARSE_OPERATIONS = 5e9, 2, 2e9
-MOST_ENDS = 2.0  # times the cut-off that a plan begins with: the highest band searched
 LOWERED = 16.0  # operations over n^3 to find the correction of a cell from its coarser meshes
 COMPLEX = 2.5  # times a real dense solve
 COLUMN_SOLVES, SWEEP = 2.0, 8.0  # solves per boundary function, and operations of each per entry of the factor
@@ -601,12 +600,12 @@ def of_finer_mesh(case: Case, choice: ModelChoice, wavevectors: int) -> Resource
 
 def _advised(case: Case, choice: ModelChoice) -> ModelChoice:
     """The choice with the degree along the sides and the cut-off that coarse cells are expected to give for the bands."""
-    from pipeline.planning.model_choice import coarse_cell  # solves: a plan of a plate loads no solver
+    from pipeline.planning.model_choice import bands_end_hz  # solves: a plan of a plate loads no solver
 
     reduction, design, accuracy = choice.reduction, case.design, case.solve.accuracy
     if reduction is None or design.pillar is None:
         return choice
-    end_hz = coarse_cell(design, case.bands.count).bands_end_hz(MOST_ENDS * reduction.top_hz)
+    end_hz = bands_end_hz(case)
     along = mesh_rules.degree_along(design, accuracy, end_hz, reduction.interface.along)
     face = replace(reduction.interface, along=along)
     return replace(choice, reduction=replace(reduction, interface=face, top_hz=CUTOFF * accuracy**-0.25 * end_hz))
@@ -664,13 +663,13 @@ def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, fl
     A coarse cell gives their number. Where its elements are too large for them, the modal density does, limited by the
     growth of a volume's modes.
     """
-    from pipeline.planning.model_choice import coarse_cell  # solves: a plan of a plate loads no solver
+    from pipeline.planning.model_choice import bands_end_hz, coarse_cell  # solves: a plan of a plate loads no solver
 
     coarse, top_hz = coarse_cell(case.design, case.bands.count), reduction.top_hz
     count = coarse.fixed_modes(top_hz)
     if coarse.resolves(count):
         return float(count)
-    end_hz = coarse.bands_end_hz(top_hz)
+    end_hz = min(bands_end_hz(case), top_hz)
     by_volume = coarse.fixed_modes(end_hz) * (top_hz / end_hz) ** 3
     return max(count, min(by_volume, fixed_modes(case.design, reduction, True, pitch, mesh)))
 

@@ -80,7 +80,7 @@ def test_every_example_holds_as_its_reader_runs_it(
     module: str, small_model: CellModel, examples_alone: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """But for the explorer's model, which takes minutes: a small one stands in."""
-    monkeypatch.setattr(parametric, "cell_model", lambda case, log: small_model)
+    monkeypatch.setattr(parametric, "cell_model", lambda case, log, offline: small_model)
     done = outcome(module, slow=True)
     assert done.attempted and not done.failed
 

@@ -24,6 +24,7 @@ from pipeline.planning import mesh_rules, plan, simplifications
 from pipeline.planning.model_choice import (
     Request,
     cell_model_choice,
+    coarse_cell,
     driven_band_hz,
     model_choice_of,
     model_high_hz,
@@ -496,3 +497,13 @@ def test_the_window_of_a_rigid_shape_reaches_to_the_clamped_beam_across() -> Non
         design = load_case(STUDIES / "three-rows.toml", [f"zone.nodal_lines={lines}", "patches.sensors=[]"]).design
         low, high = mesh_rules.target_window_hz(design)
         assert high / low * mesh_rules.WINDOW[0] == pytest.approx(2.2669, rel=1e-4)
+
+
+def test_the_end_of_bands_is_the_same_whatever_was_asked_before() -> None:
+    """A coarse cell is kept for all cases of a design; within a factor of 1.2, another case's limit gives another end."""
+    design, limits = case().design, (0.9e6, 1.2e6, 3.1e6)
+    for limit in limits:
+        coarse_cell.cache_clear()
+        alone = coarse_cell(design, 6).bands_end_hz(limit)
+        coarse_cell.cache_clear()
+        assert [coarse_cell(design, 6).bands_end_hz(each) for each in (*limits, limit)][-1] == alone
