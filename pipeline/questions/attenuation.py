@@ -146,7 +146,9 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
             yield f"{where}: an infinite array transmits a flexural wave without attenuation{transmitted}"
             return
         every = with_bar(answer.rows_db, answer.rows_error_db, "dB")
-        total = f"{every} in {self.rows}, {confinement.CONFINED_DB:g} dB in {answer.rows_needed}"
+        needed, goal = answer.rows_needed, f"{confinement.CONFINED_DB:g} dB"
+        sure = f"{goal} after {several(needed, 'row')}" if needed else f"its bar does not say how many give {goal}"
+        total = f"{every} after {several(self.rows, 'row')}, {sure}"
         per_row = with_bar(answer.db_per_row, answer.db_error, "dB")
         yield f"{where}: infinite array, {per_row} per row ({total}){transmitted}"
 
@@ -395,7 +397,9 @@ class PredictionResult(Result, axes=()):
         "rms on the zone of the finite plate relative to that beyond the rows", "dB", error="zone_to_extension_error_db"
     )
     zone_to_extension_error_db: float | None = bar("zone_to_extension_db", "dB")
-    rows_needed: int | None = column("rows that give 10 dB at this attenuation, in an infinite array")
+    rows_needed: int | None = column(
+        "rows that give 10 dB at this attenuation, in an infinite array; None where its error bar is as large"
+    )
 
     decay = figure_at("db_per_row", "attenuation per row", "dB", name="db_per_row")
     decay_error = figure_at("db_error", "expected error of the attenuation", "dB", name="db_error", error="db_error")
@@ -421,6 +425,7 @@ def prediction(
     from math import ceil
 
     per_row, error = attenuation.at(frequency_hz), attenuation.error_at(frequency_hz)
+    is_told = per_row is not None and per_row > (error or 0.0)
     nearest = min(attenuation.points, key=lambda point: abs(point.frequency_hz - frequency_hz))
     passes = nearest.transmission is not None and nearest.transmission.flexural > 0.0
     return PredictionResult(
@@ -433,5 +438,5 @@ def prediction(
         transmission_error_db=nearest.taken_error_db if passes else None,
         zone_to_extension_db=extension_db,
         zone_to_extension_error_db=extension_error_db,
-        rows_needed=ceil(confinement.CONFINED_DB / per_row) if per_row else None,
+        rows_needed=ceil(confinement.CONFINED_DB / per_row) if per_row and is_told else None,
     )

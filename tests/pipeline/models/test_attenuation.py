@@ -124,7 +124,10 @@ def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None
     case = load_case(CASE)
     zone_khz = levy_hz(strip_of(case.design), 8) / 1e3
     transmission = Transmission(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
-    for decay, said in ((5.0, "5.00 dB per row (15.0 dB in 3, 10 dB in 2)"), (0.0, "without attenuation")):
+    for decay, said in (
+        (5.0, "5.00 dB per row (15.0 dB after 3 rows, 10 dB after 2 rows)"),
+        (0.0, "without attenuation"),
+    ):
         points = [
             AttenuationPoint(frequency_hz=f, waves=[], db_per_row=decay, transmission=transmission)
             for f in (30e3, 40e3)
@@ -134,6 +137,18 @@ def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None
         assert line.startswith(f"at {zone_khz:.1f} kHz") and said in line and "flexural wave by 20.0 dB" in line
     low = replace(solved, points=[replace(points[0], frequency_hz=f) for f in (1e3, 2e3)])
     assert len([*low.lines()]) == 2
+
+
+@pytest.mark.parametrize(("bar", "needed"), [(None, 2), (1.0, 2), (5.0, None), (6.0, None)])
+def test_rows_are_counted_only_where_the_bar_leaves_a_decay(bar: float | None, needed: int | None) -> None:
+    points = [
+        AttenuationPoint(frequency_hz=f, waves=[], db_per_row=5.0, transmission=None, db_error=bar)
+        for f in (30e3, 40e3)
+    ]
+    solved = replace(synthetic.attenuation(3), points=points, zone_hz=35e3)
+    assert prediction(solved, 35e3).rows_needed == needed
+    *_, line = solved.lines()
+    assert ("its bar does not say" in line) == (needed is None)
 
 
 def test_a_wave_is_listed_up_to_the_edge_where_its_wavenumber_ends() -> None:
