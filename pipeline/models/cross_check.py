@@ -48,7 +48,7 @@ def compared(case: Case, own: modes.PartModes, structured: ModeRow, bar: float, 
         return part_modes.meshes, {}, {}
     own_bar = _own_bar(part_modes)
     agrees = _agrees(row.frequency_hz, structured.frequency_hz, bar, own_bar, log)
-    mixing = modes.level_bars_db(case, own, bar + own_bar)[0]
+    mixing = modes.level_bars_db(case, own, bar + (modes.shape_error(part_modes, row) or own_bar))[0]
     if mixing is not None and row.confinement_db is not None:
         log.info(
             f"confinement of the target mode: {level(row.confinement_db, mixing)} with tetrahedra, "

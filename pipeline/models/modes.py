@@ -371,6 +371,17 @@ def _with_errors(part_modes: PartModes) -> PartModes:
     return part_modes.each(with_error)
 
 
+def shape_error(part_modes: PartModes, row: ModeRow) -> float | None:
+    """Relative error of the stiffness behind a mode's shape, halved; None where that of its frequency is unknown.
+
+    Reduced panels are corrected before they are solved. The shape of a body solved whole is that of its mesh: what is taken
+    off its frequency afterwards still mixes its neighbours into it.
+    """
+    if row.error is None or isinstance(part_modes.model, PlateModel) or row.computed_hz is None:
+        return row.error
+    return row.error + abs(row.computed_hz / row.frequency_hz - 1.0)
+
+
 def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
     """Add the error of each level; that of the target mode comes from its search."""
     share = calibration.mixing()
@@ -382,12 +393,15 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
         rows = sorted((row for key, row in known.items() if key[0] == symmetry), key=_place)
         if len(rows) > 1 and (overlaps := _overlaps(case, part_modes, rows)[0]):
             ends = _ends(part_modes)
+            errors = [shape_error(part_modes, row) for row in rows]
             bars |= {
-                (symmetry, row.column): _measure_bars(rows, i, overlaps, ends, share) for i, row in enumerate(rows)
+                (symmetry, row.column): _measure_bars(rows, i, overlaps, ends, share, errors[i])
+                for i, row in enumerate(rows)
             }
     own = part_modes.target_row
     if own:
-        levels = (None, None) if own.error is None else level_bars_db(case, part_modes, own.error)
+        error = shape_error(part_modes, own)
+        levels = (None, None) if error is None else level_bars_db(case, part_modes, error)
         level: dict[str, Any] = dict(zip(("confinement_error_db", "extension_error_db"), levels, strict=True))
         bars[own.symmetry, own.column] = bars.get((own.symmetry, own.column), {}) | level
 
@@ -458,10 +472,10 @@ def _beyond(part_modes: PartModes) -> tuple[ModeRow, ...]:
 
 
 def _measure_bars(
-    rows: list[ModeRow], index: int, overlaps: Overlaps, ends_hz: tuple[float, ...], share: float
+    rows: list[ModeRow], index: int, overlaps: Overlaps, ends_hz: tuple[float, ...], share: float, error: float | None
 ) -> dict[str, float | None]:
-    """Errors of the level, MAC and strength of a mode from the `share` of its neighbours that mixes into it."""
-    tones, error = np.array([row.frequency_hz for row in rows]), rows[index].error
+    """Errors of the level, MAC and strength of a mode from the `share` of its neighbours that mixes into it by an error."""
+    tones = np.array([row.frequency_hz for row in rows])
     if not error:
         return {}
     level = share * overlaps.mixing_db(tones, index, error, ends_hz)

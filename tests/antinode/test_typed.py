@@ -51,7 +51,7 @@ MADE = (
     "patches = antinode.Patches(size_mm=(12.0, 3.0, 0.3), centres_mm=[(-14.0, 0.0)], sensors=[1])",
     "array = antinode.Array(pitch_mm=4.0, rows=3)",
     "made = antinode.Plate(thickness_mm=2.0, zone=zone, pillar=antinode.Pillar(side_mm=2.0), array=array, patches=patches)",
-    "width: float = made.zone.width_mm",
+    "zone_width: float = made.zone.width_mm",
     "files: int = len(made.export('step', 'plate.step'))",
     "other: antinode.Plate = made.with_(pitch_mm=5.0, damping=antinode.Damping(quality=200.0))",
 )

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
-from pipeline.models.modes import PartModes, solve_modes, target_lines
+from pipeline.models.modes import PartModes, shape_error, solve_modes, target_lines
+from pipeline.models.target import ModeRow
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import Request
+from solvers.fem.solid import SolidModel
+from solvers.plates.assembled import PlateModel
 from tests.helpers import coarse_cells
 from tests.helpers.recording_log import RecordingLog
 
@@ -149,3 +154,12 @@ def test_the_interval_of_the_lowest_modes_holds_them(
     text = document("modes", str(SMALL), "--count", "4", "--symmetry", "SS", capsys=capsys)
     check, tones = text["count_check"], [mode["frequency_hz"] for mode in text["modes"]]
     assert len(tones) == check["expected"] == 4 and check["low_hz"] < tones[0] and tones[-1] < check["high_hz"]
+
+
+@pytest.mark.parametrize(("model", "expected"), [(PlateModel, 0.002), (SolidModel, 0.012)])
+def test_what_is_taken_off_a_frequency_still_mixes_modes_of_a_body_solved_whole(model: type, expected: float) -> None:
+    """Reduced panels are corrected before they are solved: their shapes have the error of their frequencies alone."""
+    part_modes: Any = SimpleNamespace(model=model.__new__(model))
+    row = ModeRow(frequency_hz=100e3, computed_hz=101e3, error=0.002, residual=0.0, column=0)
+    assert shape_error(part_modes, row) == pytest.approx(expected)
+    assert shape_error(part_modes, replace(row, error=None)) is None
