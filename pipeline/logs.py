@@ -25,6 +25,7 @@ DIAGNOSES = {
 
 STEP_MARK = "-- STEP : "
 SAME_WARNING_LIMIT = 5
+LONG_S = 10.0  # a step without a terminal says that it runs
 
 
 class Log(Protocol):
@@ -77,7 +78,7 @@ class TerminalLog:
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
-        """Log the start of a step and store its time; a terminal shows progress."""
+        """Log a step and store its time; a terminal shows that it runs, elsewhere a line does once it has run long."""
         begin = time.perf_counter()
         with self._spinner(name), memory_errors_named(name):
             yield
@@ -87,7 +88,16 @@ class TerminalLog:
 
     @contextmanager
     def _spinner(self, name: str) -> Iterator[None]:
-        if self.quiet or not sys.stderr.isatty() or not self._spinning.acquire(blocking=False):
+        if not self.quiet and not sys.stderr.isatty():
+            late = threading.Timer(LONG_S, self._say, (f"{name} ...",))
+            late.daemon = True
+            late.start()
+            try:
+                yield
+            finally:
+                late.cancel()
+            return
+        if self.quiet or not self._spinning.acquire(blocking=False):
             yield  # during another step of this log, which already shows progress
             return
         from rich.console import Console

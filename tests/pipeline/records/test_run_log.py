@@ -1,8 +1,10 @@
+import time
 from pathlib import Path
 
 import pytest
 
-from pipeline.logs import SAME_WARNING_LIMIT, RunLog, close_abandoned, current_step
+from pipeline import logs
+from pipeline.logs import SAME_WARNING_LIMIT, RunLog, TerminalLog, close_abandoned, current_step
 
 
 def test_it_reads_like_a_message_file_while_it_runs(tmp_path: Path):
@@ -52,3 +54,16 @@ def test_a_step_that_fails_is_timed_and_an_abandoned_log_closed(tmp_path: Path):
     assert "solve" in log.seconds
     close_abandoned(path, "LOST", "the worker process was lost")
     assert path.read_text().endswith("--- DIAGNOSTIC JOB : <F>_ABNORMAL_ABORT\n")
+
+
+@pytest.mark.parametrize(("seconds", "quiet", "said"), [(0.0, False, 2), (10.0, False, 1), (0.0, True, 0)])
+def test_a_long_step_says_that_it_runs_where_no_terminal_shows_it(
+    seconds: float, quiet: bool, said: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Its name before its end, once; none of a short step, and nothing of a quiet log."""
+    monkeypatch.setattr(logs, "LONG_S", seconds)
+    with TerminalLog(quiet).step("mesh the cell"):
+        time.sleep(0.2)
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == said
+    assert said < 2 or (lines[0].endswith("mesh the cell ...") and "mesh the cell: 0." in lines[1])
