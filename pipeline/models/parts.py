@@ -180,7 +180,7 @@ def _shares(design: Design, part: str, mesh: HexSettings) -> ErrorFractions:
     if part == "plate":
         return foot_shares(design, mesh)
     if part == "pillar" and pillar:
-        return clamped_shares(pillar.material, mesh, *pillar.joints)
+        return clamped_shares(pillar.material, mesh, *pillar.joints, width_m=pillar.base_m)
     return clamped_shares(design.stack.mean, mesh, thickness_m=design.thickness_m)
 
 

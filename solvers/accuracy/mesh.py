@@ -55,6 +55,9 @@ EDGE_UNCERTAINTY = 0.5
 # of the share at a clamped face next to elements longer than it is thick: the layer brings the smooth boundary layer, too.
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
 LONG = 0.6
+# the same at a pillar's clamped foot of elements of order 3, r widths high: where it stretches 0.9 of the share is left, and
+# where it bends 1 / (1 + 0.54 r^2), of twelve pillars of 0.3 to 1 width (seed 7; `python -m studies.error_bars`)
+STRETCHED, BENT = 0.9, 0.54
 ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
 # of the own error of the elements next to the innermost one, of motion in the plane across an edge and along it: as
 # finite elements about wedges show (tests/solvers/accuracy/test_rim_by_elements.py)
@@ -226,7 +229,9 @@ def rim_shares(
     return replace(_shares(edges, mesh, RIM_ROUGH, RANGES.get(mesh.order, 1.0)), doubt=EDGE_UNCERTAINTY)
 
 
-def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> ErrorFractions:
+def clamped_shares(
+    material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf, width_m: float = inf
+) -> ErrorFractions:
     """Compute the error fractions at the edges of a clamped face and at further rims.
 
     Parameters
@@ -239,6 +244,8 @@ def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_
         Further rims.
     thickness_m : float, optional
         Thickness of the face.
+    width_m : float, optional
+        Width of a pillar's foot.
 
     Returns
     -------
@@ -253,13 +260,21 @@ def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_
     is_long = mesh.size_m > thickness_m
     shares = replace(_shares(edges, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
     if not is_long:
-        return shares
+        return replace(shares, correction=_beside_a_layer(mesh, width_m) * shares.correction)
     shares = replace(shares, waves=UNLOCKED)
     return (
         replace(shares, correction=LONG * shares.correction, uncertainty=LONG * shares.uncertainty)
         if mesh.layers
         else shares
     )
+
+
+def _beside_a_layer(mesh: HexSettings, width_m: float) -> float:
+    """Part of the share at a pillar's clamped foot that is the edge's; the rest of it is the smooth layer at its end."""
+    if mesh.order != 3 or mesh.layers != 1:
+        return 1.0
+    high = (mesh.pillar_size_m or mesh.size_m) / width_m
+    return (STRETCHED + 1.0 / (1.0 + BENT * high**2)) / 2.0 if high else 1.0
 
 
 def held_shares(material: Material, mesh: HexSettings) -> ErrorFractions:

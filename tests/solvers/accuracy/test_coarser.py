@@ -162,6 +162,15 @@ def test_a_plate_longer_in_its_elements_than_thick_counts_less_of_its_last_order
     assert thin == pytest.approx(0.5**1.5 * thick) and thick == pytest.approx(smooth_half_width(change, 0.0, 3))
 
 
+def test_a_layer_at_a_pillars_foot_brings_its_smooth_end_where_elements_are_as_high_as_it_is_wide() -> None:
+    """Midway between what is left of the share in stretching and in bending; elements of order four resolve the end anyway."""
+    wide, narrow = (clamped_shares(STEEL, MESH, width_m=width) for width in (1e3 * MESH.size_m, MESH.pillar_size_m))
+    assert narrow.correction / wide.correction == pytest.approx((0.9 + 1.0 / 1.54) / 1.9, rel=1e-6)
+    assert narrow.uncertainty == wide.uncertainty == clamped_shares(STEEL, MESH).uncertainty
+    finer = replace(MESH, order=4)
+    assert clamped_shares(STEEL, finer, width_m=1e-3) == clamped_shares(STEEL, finer)
+
+
 def test_a_mode_to_which_the_last_order_brought_nothing_has_half_the_bar_of_lower_ones() -> None:
     """Whatever the order of the modes; what the edge has is each mode's own, and no higher mode widens a lower one's bar."""
     shares, none = ErrorFractions(order=3), np.zeros(3)
