@@ -78,6 +78,7 @@ def test_nothing_in_a_build_asks_for_a_generic_name(built: Path) -> None:
     assert not {name: generic for name, generic in left.items() if generic}
 
 
+@pytest.mark.slow
 def test_every_command_of_a_build_is_found_and_one_answers(built: Path, tmp_path: Path) -> None:
     """From the build alone, as a wheel installs it: handlers are named in a TOML file."""
     commands = tomllib.loads((built / "antinode/_lib/pipeline/cli/commands.toml").read_text())["commands"]

@@ -96,6 +96,7 @@ def test_a_dragged_slider_changes_the_numbers(opened: Callable[..., Any]) -> Non
     assert not page.faults
 
 
+@pytest.mark.slow
 def test_the_address_brings_the_design_back(opened: Callable[..., Any]) -> None:
     page = opened("#height=6.6&pitch=4.2&rows=2&colour=blue&side=")
     assert page.locator("#height-number").input_value() == "6.6"
@@ -184,6 +185,7 @@ def test_a_dot_of_the_cloud_sets_the_sliders(opened: Callable[..., Any]) -> None
     assert page.locator("#pins tbody tr").count() == 0 and not page.faults
 
 
+@pytest.mark.slow
 def test_the_decay_band_is_where_all_rows_together_take_ten_decibels(opened: Callable[..., Any]) -> None:
     """Its edges lie between points, where the line through both crosses 10 dB over the rows; null is too steep to follow."""
     page = opened()

@@ -115,6 +115,7 @@ def test_what_has_no_value_stays_last_in_both_directions(visit: Visits, study: P
         assert column(page, number)[-1] == ""
 
 
+@pytest.mark.slow
 def test_the_filter_takes_words_and_comparisons(visit: Visits, study: Path) -> None:
     page = visit(study).page
     field = page.locator('[data-filter="cases-table"]')
@@ -194,6 +195,7 @@ def test_who_wants_less_motion_gets_none_until_asked_for(visit: Visits, study: P
     page.wait_for_function("([it, n]) => Number(it.dataset.frames) > n + 3", arg=[canvas.element_handle(), still])
 
 
+@pytest.mark.slow
 def test_without_webgl_a_still_picture_stands_in(visit_without_gl: Visits, study: Path) -> None:
     seen = visit_without_gl(study)
     viewer = seen.page.locator('[data-viewer="plate"]')
@@ -219,6 +221,7 @@ def test_the_diagram_tells_the_wave_under_the_pointer(visit: Visits, study: Path
     assert not tip.is_visible()
 
 
+@pytest.mark.slow
 def test_the_diagram_goes_by_keyboard(visit: Visits, study: Path) -> None:
     page = visit(study).page
     whole_diagram(page)
@@ -317,6 +320,7 @@ def test_bands_of_an_older_record_are_drawn_and_what_they_lack_is_told(visit: Vi
     )
 
 
+@pytest.mark.slow
 def test_everything_shown_has_words(visit: Visits, study: Path) -> None:
     page = visit(study).page
     moving(page)

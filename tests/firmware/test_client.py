@@ -123,6 +123,7 @@ def test_the_log_of_a_running_board(board, capsys, tmp_path: Path) -> None:
     assert rows[-1]["reference"] == pytest.approx(0.05) and talk.status().state == "run"
 
 
+@pytest.mark.slow
 def test_a_sound_reaches_the_board_in_time(board, capsys, tmp_path: Path) -> None:
     write_sound(tmp_path / "a.wav", [64] * 300, width=1)
     assert command_line.main(["COM7", "stream", str(tmp_path / "a.wav"), "0.05"]) == 0
@@ -173,6 +174,7 @@ def test_identify_measures_again_until_it_is_stopped(board) -> None:
     assert not talk.drives and talk.status().state == "idle"
 
 
+@pytest.mark.slow
 def test_the_selftest_of_an_emulated_bench(board, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
     """The board's own clock stands for the host's; cycles are not counted there."""
     monkeypatch.setattr(actions, "time", types.SimpleNamespace(monotonic=lambda: board.time_s, sleep=board.run))

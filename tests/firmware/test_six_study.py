@@ -71,6 +71,7 @@ def play(board, name: str, seconds: float = 0.4) -> np.ndarray:
     return board.drives
 
 
+@pytest.mark.slow
 def test_the_image_confines_left_middle_and_right_as_the_inverse_of_t_would(board, model: ShapedBeam) -> None:
     """Ratios of the largest motion inside over outside: 4.6, 3.1 and 4.6 with the study's own inverse; here within 4 %."""
     targets = from_bytes(to_bytes(shaping_table(model, "displacement", (TONE,)))).shapes[0].patterns

@@ -32,6 +32,7 @@ def case(**more: Any) -> Case:
     return case_from_dict(RAW | more)
 
 
+@pytest.mark.slow
 def test_losses_of_materials_and_air_add_up() -> None:
     air, lossy = {"air": {"faces": "both"}}, {"damping": {"quality": "materials"}}
     request = Request("plate", band_hz=(20e3, 40e3), symmetry="SS")

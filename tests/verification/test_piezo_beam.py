@@ -147,6 +147,8 @@ def test_a_free_strip_under_one_patch_has_the_laminates_frequency(pair: Pair) ->
     assert -2.0 * slender(1) < result / exact - 1.0 < 0.5 * slender(1) + wide
 
 
+@pytest.mark.slow
+@pytest.mark.slow
 @PAIRS
 @pytest.mark.parametrize("back", [True, False], ids=["back", "touch"])
 def test_a_volt_pushes_it_as_far_and_the_same_way(pair: Pair, back: bool) -> None:

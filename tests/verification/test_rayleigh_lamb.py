@@ -42,6 +42,7 @@ def check_bands(staggered: bool = False) -> None:
     assert fine.max() < errors(3, staggered).max() / 10.0
 
 
-@pytest.mark.parametrize("staggered", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("staggered", [False, True])
 def test_a_bare_plate_carries_the_exact_waves(staggered: bool) -> None:
     check_bands(staggered)

@@ -220,6 +220,7 @@ def test_a_strip_on_foam_is_a_beam_on_an_elastic_foundation() -> None:
     assert tones[:4] == pytest.approx(expected, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_clamped_strip_with_a_mass_at_its_end_is_a_cantilever_with_a_tip() -> None:
     """cosh cos + 1 + r b (cos sinh - sin cosh) = 0; theory errs by (pi n t / L)^2 / 3, 3e-4 of the second mode."""
     ratio = 0.5

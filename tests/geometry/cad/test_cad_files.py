@@ -107,6 +107,7 @@ def test_overhang_of_a_cone_on_its_tip_and_of_a_ceiling():
     assert area == pytest.approx(3 * 3 - 2 * 2)
 
 
+@pytest.mark.slow
 def test_upright_pillars_need_no_support(tmp_path):
     scene = SCENES[1]
     body = plate_solid(scene)
@@ -195,6 +196,7 @@ def test_bonded_materials_stay_separate_parts_of_a_step_file(tmp_path):
     assert re.sub(placed, r"\1", one) == re.sub(placed, r"\1", two)
 
 
+@pytest.mark.slow
 def test_the_print_file_of_several_materials_is_checked_part_by_part(tmp_path):
     scene = bonded()
     body, path, count = plate_solid(scene), tmp_path / "plate.3mf", len(scene.pillar_centres())

@@ -32,13 +32,14 @@ def skin(mesh: Mesh) -> trimesh.Trimesh:
     return surface
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("length_m", "columns"),
     [
         (3.6e-3, 1),
-        pytest.param(8e-3, 2, marks=pytest.mark.slow),
-        pytest.param(7.6e-3, 2, marks=pytest.mark.slow),
-        pytest.param(11.4e-3, 3, marks=pytest.mark.slow),
+        (8e-3, 2),
+        (7.6e-3, 2),
+        (11.4e-3, 3),
     ],
     ids=["one", "even", "cut", "odd"],
 )

@@ -56,6 +56,7 @@ def bonded() -> Mesh:
     return tet_mesh(solids.plate_solid(design(material=BRASS), "xy"), 1.5e-3)
 
 
+@pytest.mark.slow
 def test_cell_of_planes_is_exact(cell):
     exact = (4 * 4 * 2 + 2 * 2 * 6.3) * MM3
     report = check_mesh(cell, exact, 1e-12)
@@ -162,14 +163,15 @@ def skin_nodes(mesh: Mesh) -> np.ndarray:
     return sides[first[count == 1]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scene",
     [
         design("round", fillet=0.4e-3),
-        pytest.param(design("tapered", tip=1e-3), marks=pytest.mark.slow),
-        pytest.param(design("tapered", tip=1e-3, fillet=0.3e-3), marks=pytest.mark.slow),
-        pytest.param(design("square", fillet=0.4e-3), marks=pytest.mark.slow),
-        pytest.param(design("round", material=BRASS, fillet=0.3e-3), marks=pytest.mark.slow),
+        design("tapered", tip=1e-3),
+        design("tapered", tip=1e-3, fillet=0.3e-3),
+        design("square", fillet=0.4e-3),
+        design("round", material=BRASS, fillet=0.3e-3),
     ],
 )
 def test_fillets_and_tapers_keep_the_cad_volume(scene):
@@ -338,9 +340,8 @@ def in_two_parts() -> Mesh:
     return tet_mesh(solids.cell_solid(design(material=BRASS)), 1.5e-3)
 
 
-@pytest.mark.parametrize(
-    ("loser", "gainer"), [pytest.param("pillar", "plate", marks=pytest.mark.slow), ("plate", "pillar")]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("loser", "gainer"), [("pillar", "plate"), ("plate", "pillar")])
 def test_a_part_that_has_not_its_volume_is_refused(loser, gainer):
     """A tenth of a part's elements counted to the other side of the bond is far beyond what is allowed of either."""
     body = solids.cell_solid(design(material=BRASS))

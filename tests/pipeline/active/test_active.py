@@ -43,14 +43,15 @@ def run(*arguments: str) -> int:
         return int(end.code or 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model",
     [
-        pytest.param("mason", marks=pytest.mark.slow),
+        "mason",
         "pillar",
-        pytest.param("beam", marks=pytest.mark.slow),
+        "beam",
         "dq",
-        pytest.param("shaping", marks=pytest.mark.slow),
+        "shaping",
     ],
 )
 def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: Path, capsys, monkeypatch) -> None:

@@ -148,6 +148,7 @@ def test_a_tip_is_refused_with_the_sections_to_write() -> None:
     assert said in line and "without pillar.height_mm" in line
 
 
+@pytest.mark.slow
 def test_a_pillar_alone_needs_no_zone_for_its_modes() -> None:
     raw = {"name": "alone", "material": "aluminium", "pillar": {"side_mm": 2.0, "height_mm": 5.0}}
     rows = solve_modes(

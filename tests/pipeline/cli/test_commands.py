@@ -142,6 +142,7 @@ def test_band_gap_check_holds_on_the_reference_and_fails_when_the_pillar_grows()
     assert run("check-gap", "--quiet", "--set", "pillar.height_mm=6.426") == 4
 
 
+@pytest.mark.slow
 def test_bands_of_a_bare_cell_need_no_pillar(tmp_path: Path) -> None:
     bare = tmp_path / "bare.toml"
     bare.write_text(

@@ -189,6 +189,7 @@ def test_a_reduction_too_poor_for_the_accuracy_is_raised_and_said(monkeypatch: p
     assert (result.frequencies_hz[moving] / whole.frequencies_hz[moving] - 1.0).max() < 0.02
 
 
+@pytest.mark.slow
 def test_a_reduction_that_cannot_be_raised_enough_is_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh_rules, "lattice_reduction", lambda design, accuracy, *most_hz: poor(accuracy))
     monkeypatch.setattr(unit_cell, "MAX_DOF", 10)

@@ -53,6 +53,7 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> dict:
     return json.loads((folder / "b.json").read_text())
 
 
+@pytest.mark.slow
 def test_power_is_shared_out_whole_and_the_intervals_are_those_of_the_points(document: dict) -> None:
     assert document["rows"] == 2 and len(document["points"]) == 21
     assert [pillar["height_m"] for pillar in document["with_defaults"]["design"]["graded"]] == pytest.approx(

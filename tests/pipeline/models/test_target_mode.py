@@ -51,6 +51,7 @@ def document(*arguments: str, capsys: pytest.CaptureFixture[str]) -> dict[str, A
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window", [(20e3, 45e3), (25e3, 45e3), (30e3, 45e3), (30e3, 34e3), (40e3, 44e3)])
 def test_the_target_mode_is_the_same_from_every_window(window: tuple[float, float]) -> None:
     ours, theirs = plate_modes(window).target, reference().target

@@ -58,6 +58,7 @@ def test_opposite_sides_move_alike_or_against_each_other(result: SolvedBands) ->
             np.testing.assert_allclose(back, along_y * left, atol=4e-3)
 
 
+@pytest.mark.slow
 def test_shapes_are_made_only_when_asked_for() -> None:
     with pytest.MonkeyPatch.context() as patch:
         coarse_cells.put_in(patch, coarse_cells.COARSEST)

@@ -360,6 +360,7 @@ def test_a_dry_run_tells_the_plan_of_each_case(capsys: pytest.CaptureFixture[str
     assert text.count("interface polynomials of degree") >= cases <= text.count("fixed-interface modes to")
 
 
+@pytest.mark.slow
 def test_a_long_dry_run_is_cut_and_gives_the_time_of_all_cases(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

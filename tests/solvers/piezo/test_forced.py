@@ -100,9 +100,8 @@ def test_condensed_it_weighs_the_same_and_rigid_motions_make_no_charge() -> None
         assert abs(patch.theta @ shift.ravel()) < 1e-9 * np.abs(patch.theta).sum()
 
 
-@pytest.mark.parametrize(
-    "box", [MIDDLE[0], pytest.param(LOPSIDED[0], marks=pytest.mark.slow)], ids=["middle", "lopsided"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("box", [MIDDLE[0], LOPSIDED[0]], ids=["middle", "lopsided"])
 def test_a_bonded_body_has_the_modes_of_the_same_solid(box: np.ndarray) -> None:
     """Both are conforming subspaces; the patch's edge is singular, which each mesh meets in its own way: 1 %."""
     plate = patched(box[None])
@@ -184,9 +183,8 @@ def forced(
     return ForcedPlate(patched(boxes, PZ26), DESIGN, Drive(drivers, sensors, (20e3, 45e3), quality_factor))
 
 
-@pytest.mark.parametrize(
-    "frequency", [22e3, pytest.param(33e3, marks=pytest.mark.slow), pytest.param(44e3, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("frequency", [22e3, 33e3, 44e3])
 def test_superposition_meets_direct_solves(frequency: float) -> None:
     """Direct solves damp what lies outside the band too: a difference of the order of 1/Q."""
     plate = forced(TWO, (0,), (1,))

@@ -203,6 +203,7 @@ def test_rows_of_oblique_cells_are_feet_aside_in_rectangles(monkeypatch: pytest.
     assert (np.abs(line[0] / tones - 1.0) > bar + line[1])[:3].all()
 
 
+@pytest.mark.slow
 def test_oblique_cells_of_almost_no_pillars_are_the_same_plate_as_rectangular_ones() -> None:
     """Frequencies within the truncation errors, and the likeness to the target shape, which is counted along x from one line.
 

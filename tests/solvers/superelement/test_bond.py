@@ -20,13 +20,14 @@ SETTINGS = ReductionSettings(Interface(2, 2), 2e5, HexSettings(3, 4e-3, 1, 0.15,
 PLACES = np.array([[0.3e-3, -1.1e-3], [1.9e-3, 0.2e-3], [-1.2e-3, 1.3e-3]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "shape",
     [
         "square",
-        pytest.param("tapered", marks=pytest.mark.slow),
-        pytest.param("round", marks=pytest.mark.slow),
-        pytest.param("hexagonal", marks=pytest.mark.slow),
+        "tapered",
+        "round",
+        "hexagonal",
     ],
 )
 def test_a_lift_is_told_exactly_or_refused(shape: str) -> None:

@@ -321,14 +321,15 @@ def test_a_cell_reduced_for_more_holds_what_less_would_give(pitch: tuple[float, 
     )
 
 
-@pytest.mark.parametrize("count", [6, pytest.param(10, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("top_hz", [1.17e6, pytest.param(1.5e6, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [6, 10])
+@pytest.mark.parametrize("top_hz", [1.17e6, 1.5e6])
 @pytest.mark.parametrize(
     "pitch",
     [
         (4e-3, 4e-3),
-        pytest.param((3e-3, 4e-3), marks=pytest.mark.slow),
-        pytest.param((8e-3, 8e-3), marks=pytest.mark.slow),
+        (3e-3, 4e-3),
+        (8e-3, 8e-3),
     ],
 )
 def test_the_estimate_bounds_the_reductions_error(pitch: tuple[float, float], top_hz: float, count: int) -> None:

@@ -59,6 +59,7 @@ def test_the_scalar_root_is_found_from_above() -> None:
     assert root[2] == KNOWN
 
 
+@pytest.mark.slow
 def test_a_heavy_tip_on_a_soft_neck_follows_its_plate_exactly() -> None:
     """A contrast of 6e5: a solve alone leaves errors of 1e-7 and more in the rigid motion."""
     pillar = Pillar("square", 6e-3, 6e-3, 5e-3, RUBBER, upper=(Section.square(6e-3, 5e-3, LEAD),))

@@ -163,13 +163,14 @@ def test_a_finger_on_a_supported_plate_meets_a_direct_solve_of_the_free_one_with
     assert np.linalg.norm(bare.contact_motion(tone) - direct) > 0.1 * np.linalg.norm(direct)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "tip",
     [
         Fingertip("soft", stiffness_n_m=2e6),
-        pytest.param(Fingertip("stiff", stiffness_n_m=1e8), marks=pytest.mark.slow),
-        pytest.param(Fingertip("damper", damping_n_s_m=80.0), marks=pytest.mark.slow),
-        pytest.param(HEAVY, marks=pytest.mark.slow),
+        Fingertip("stiff", stiffness_n_m=1e8),
+        Fingertip("damper", damping_n_s_m=80.0),
+        HEAVY,
     ],
     ids=lambda tip: tip.name,
 )
