@@ -86,6 +86,7 @@ from solvers.threads import one_thread
 __all__ = ["DEFAULT_COUNT", "Expected", "PartModes", "Request", "solve_modes", "with_defaults"]
 TUNINGS = 6  # most solutions for moduli that depend on the frequency
 DEEPER = 3  # most refinements of a reduction: all but the first raise the degree through the thickness
+ROUNDED = 0.01  # of the rest of a bar: rounding beyond it is a part of the bar
 PASSES = 4  # most times that a part is meshed or reduced again for the frequencies found
 # a band of a body meshed whole is searched beyond its end by this multiple of its modes' relative correction, which is limited
 BEYOND_END, LARGEST = 1.5, 1.0 / 3.0
@@ -359,14 +360,16 @@ def _inside(
 
 
 def _with_errors(part_modes: PartModes) -> PartModes:
-    """Add the error of each frequency: the estimated discretisation and truncation errors."""
+    """Add the error of each frequency: the estimated discretisation and truncation errors, and rounding where it counts."""
 
     def with_error(row: ModeRow) -> ModeRow:
         mesh, own = part_modes.mesh_error(row), (part_modes.errors or {}).get(row.symmetry)
         if mesh is None or own is None:
             return replace(row, error=None)
-        truncation = MARGIN * float(own.total[row.column])
-        return replace(row, error=mesh + truncation, error_parts={"mesh": mesh, "truncation": truncation})
+        parts = {"mesh": mesh, "truncation": MARGIN * float(own.total[row.column])}
+        if row.rounding > ROUNDED * sum(parts.values()):
+            parts["rounding"] = row.rounding
+        return replace(row, error=sum(parts.values()), error_parts=parts)
 
     return part_modes.each(with_error)
 

@@ -43,6 +43,7 @@ class ModeRow(ModeRecord):
     extension_db: float | None = live("rms in the zone over that on the plate beyond the rows", "dB")
     extension_error_db: float | None = live(BAR.format("extension_db"), "dB")
     error_parts: dict[str, float] = live("relative parts of the frequency's error bar", default_factory=dict)
+    rounding: float = live("relative error of the frequency by the rounding of the stiffness", default=0.0)
 
 
 def widest_bar(rows: Sequence[ModeRow]) -> WidestBar:
@@ -69,6 +70,7 @@ def mode_rows(modes: Modes, symmetry: str | None, measures: Confinement | None, 
             error=None,
             confinement_error_db=None,
             column=first + i,
+            rounding=float(modes.rounding[i]),
             error_parts={},
             **_measures(measures, i),
         )

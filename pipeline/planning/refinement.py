@@ -297,7 +297,7 @@ class WidestBar:
     of : str
         Name of the frequency that has it.
     parts : dict of str to float
-        Contributions, relative: `mesh`, `truncation`.
+        Contributions, relative: `mesh`, `truncation`, and `rounding` and `moduli` where they count.
     """
 
     error: float | None

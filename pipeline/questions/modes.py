@@ -94,7 +94,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         "error bars of the target mode (half-widths): frequency, relative, and confinement_db", default=None
     )
     widest_bar: dict[str, Any] | None = column(
-        "largest error bar of a frequency: error (relative), of (which mode), parts (mesh, truncation), largest_part",
+        "largest error bar of a frequency: error (relative), of (which mode), parts (mesh, truncation and more), largest_part",
         default=None,
     )
     solved: Any = live("solved model; None if read from a file")

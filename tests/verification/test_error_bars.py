@@ -122,6 +122,23 @@ def test_a_slender_pillars_foot_is_corrected_by_its_edge_alone(height_mm: float)
 
 
 @pytest.mark.slow
+def test_the_bar_of_a_rod_holds_the_rounding_of_its_stiffness() -> None:
+    """Forty widths high, it bends alike both ways: the two frequencies differ by rounding alone, which a stub hardly has."""
+    options = ["pillar.side_mm=1", "patches.sensors=[0]", "solve.accuracy=0.01"]
+    rod, stub = (
+        solve_modes(
+            load_case(CASE, [*options, f"pillar.height_mm={height}"]), Request("pillar", near_hz=0.0, count=2), CALM
+        ).rows[:2]
+        for height in (40.0, 3.0)
+    )
+    one, other = rod
+    rounding = one.error_parts["rounding"]
+    assert one.error == pytest.approx(sum(one.error_parts.values()))
+    assert 0.0 < abs(one.frequency_hz / other.frequency_hz - 1.0) <= 2.0 * rounding < 2.0 * one.error
+    assert all("rounding" not in row.error_parts and row.rounding < 1e-3 * rounding for row in stub)
+
+
+@pytest.mark.slow
 def test_bars_of_the_bare_zones_mode_in_a_band() -> None:
     """Of a zone that has a mode of the target shape at all; whether it has one does not depend on the accuracy."""
     compared = 0
