@@ -50,7 +50,7 @@ study: $(READY)  ## run the main study, or STUDY=name, and print the path of its
 test: $(READY)  ## run every test not marked slow, with firmware and the band-gap check
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy & types=$$!; \
-	$(BIN)/antinode check-gap --quiet && $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder; \
+	$(BIN)/antinode check-gap --quiet && $(BIN)/python -m pytest -q -n 2 --dist worksteal; \
 	tests=$$?; wait $$types && exit $$tests
 
 slow: $(READY)  ## run the slow proofs, or a share of them: SHARD=k/n; STORE=1 stores their durations

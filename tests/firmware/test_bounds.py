@@ -77,6 +77,7 @@ def version_of(name: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
+@pytest.mark.slow
 def test_a_loop_has_no_bound(compiler: dict[str, Path]) -> None:
     with pytest.raises(image.Unbounded, match="loop"):
         image.bound(compiler["single"], "an_crc32")

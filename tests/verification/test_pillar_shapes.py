@@ -83,6 +83,7 @@ def test_a_hexagonal_pillar_vibrates_as_a_beam_with_shear_and_alike_in_every_dir
     assert inner < result[0] < outer  # the circles in it and about it
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [6.3e-3, SLENDER * S], ids=["6.3 mm", "slender"])
 @pytest.mark.parametrize("arm", [0.4e-3, 0.8e-3])
 def test_a_cross_vibrates_as_a_beam_with_shear(height: float, arm: float) -> None:

@@ -58,6 +58,7 @@ def test_a_sample_is_the_design_that_the_page_would_show(explorer: Explorer, sca
     assert len(set(peaks)) == 3 and record.lost == 0
 
 
+@pytest.mark.slow
 def test_higher_pillars_alone_lower_the_mode_they_hold(explorer: Explorer) -> None:
     record = solved(explorer, "tolerance.height_mm=0.05", "tolerance.samples=4")
     heights = Deviations(0.05e-3, 0.0, 0.0).draw(1, 4, 1)[:, 0, 0]
@@ -80,6 +81,7 @@ def test_pillars_of_other_shapes_grow_with_all_their_widths(
     assert 1e3 * pillar.height_m == pytest.approx(6.4)
 
 
+@pytest.mark.slow
 def test_where_pillars_stand_changes_nothing_and_is_said_to_be_left_out(
     explorer: Explorer, scattered: ToleranceResult
 ) -> None:

@@ -109,6 +109,7 @@ def test_the_live_plate_is_the_plate_assembled_of_the_same_cells(explorer: Explo
     assert plate["confinement_db"] == pytest.approx(found.confinement_db[at], abs=2.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rows", "extension"), [(1.0, 5.0), (2.0, 1.2)])
 def test_a_live_plate_is_measured_over_its_whole_touch_face(explorer: Explorer, rows: float, extension: float) -> None:
     """Half the zone and half the passive face, whether ends of the plate cut columns of cells or reach beyond them."""
@@ -121,6 +122,7 @@ def test_a_live_plate_is_measured_over_its_whole_touch_face(explorer: Explorer, 
         assert beyond == pytest.approx(design.length_m * extension * 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [{"rows": 0.0}, {"extension": 0.0}, {"extension": 0.5, "rows": 3.0}])
 def test_the_ends_of_the_sliders_answer(explorer: Explorer, change: dict[str, float]) -> None:
     case = explorer.scene.at(explorer.scene.own() | change)

@@ -80,6 +80,7 @@ def test_four_plates_are_foreseen_at_once_and_named_as_they_come(record: HybridR
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_each_way_is_what_the_response_says(record: HybridResult, coarse: pytest.MonkeyPatch) -> None:
     """Rows: the patches inside alone, others at rest, as a case has it whose others only listen but for their open circuit."""
     forced = forced_plate(case_of(), QUIET)

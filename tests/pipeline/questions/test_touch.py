@@ -61,6 +61,7 @@ def test_a_shift_is_surer_than_both_of_its_ends(record: TouchResult) -> None:
     assert mode.shift_error_hz < 0.5 * mode.frequency_error * mode.frequency_hz
 
 
+@pytest.mark.slow
 def test_the_loop_asks_for_what_the_sensor_lost_and_is_limited(record: TouchResult, forced: ForcedPlate) -> None:
     free, touched, regulated = (record.state(name) for name in ("free", "touched", "held"))
     assert record.loop and free and touched and regulated and free.sensor_V and touched.sensor_V
@@ -72,6 +73,7 @@ def test_the_loop_asks_for_what_the_sensor_lost_and_is_limited(record: TouchResu
     assert regulated.sensor_V == pytest.approx(free.sensor_V, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_without_impedance_nothing_changes(forced: ForcedPlate) -> None:
     """The same figures to the last digit, and no pull of the loop."""
     nothing = touch_of(case_of(touch__impedance={}), QUIET, mapped=False, forced=forced)
@@ -97,6 +99,7 @@ def test_a_map_that_no_memory_holds_is_left_out(forced: ForcedPlate, monkeypatch
     assert touch_of(case_of(), QUIET, forced=forced).map is None
 
 
+@pytest.mark.slow
 def test_the_map_holds_the_case_s_own_place_and_is_drawn_from_the_record(record: TouchResult, tmp_path: Path) -> None:
     places, touched = record.map, record.state("touched")
     assert places and touched and places.friction and places.needed_V and record.loop

@@ -43,6 +43,7 @@ def test_a_point_moves_as_the_shape_does_there(place: tuple[float, float]) -> No
     assert abs(result - mirrored) > 0.05 * np.abs(values).max()
 
 
+@pytest.mark.slow
 def test_the_loudest_point_of_the_zone_is_the_shapes_largest() -> None:
     points, values = lopsided().shape(TONE_HZ)
     place = loudest_point(lopsided(), TONE_HZ, DESIGN.width_m / 2)

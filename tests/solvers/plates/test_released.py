@@ -97,6 +97,7 @@ def test_stiff_supports_are_not_released() -> None:
     assert PlateModel(held, model.reductions).released(None) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_modes_follow_from_those_with_supports(name: str) -> None:
     """From one factor and as many solves; not from modes of which one is missing."""

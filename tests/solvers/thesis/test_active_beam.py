@@ -345,6 +345,7 @@ def test_study_has_every_layout_at_every_frequency_and_gain(study):
     assert all(entry["agreement"] for entry in beside("beam", thesis.beam(study)))
 
 
+@pytest.mark.slow
 def test_study_holds_what_its_parts_give(study):
     case = study.case("point", 3000.0, 1e8)
     layout = loop_layouts(study.left_m, 0.012, LENGTH)[0]

@@ -59,6 +59,7 @@ def test_mode_shapes_have_the_antinodes_the_text_misplaces(study, document):
     assert entry_of(document, "six antinodes")["agreement"].startswith("differs")
 
 
+@pytest.mark.slow
 def test_confinement_on_the_simulated_beam_found_again(study):
     """The 100 mm beam with point forces: invert, sum the modes, compare maxima, all written out."""
     frequency, beam = 2400.0, study.data.short

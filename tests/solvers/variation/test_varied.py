@@ -80,17 +80,18 @@ def test_the_nominal_pillar_is_the_nominal_cell(middle: CellFamily) -> None:
     assert len(middle.nodes) == 8 + 6 + 9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "most"),
     [
         ([0.15e-3, 0, 0, 0, 0], 1e-4),
-        pytest.param([0, -0.06e-3, 0, 0, 0], 1e-4, marks=pytest.mark.slow),
-        pytest.param([0, 0, 0.15e-3, 0, 0], 1e-4, marks=pytest.mark.slow),
-        pytest.param([-0.15e-3, 0.06e-3, 0, 0, 0], 1e-4, marks=pytest.mark.slow),
+        ([0, -0.06e-3, 0, 0, 0], 1e-4),
+        ([0, 0, 0.15e-3, 0, 0], 1e-4),
+        ([-0.15e-3, 0.06e-3, 0, 0, 0], 1e-4),
         ([0, 0, 0, 0, -0.03], 4e-4),
         ([0, 0, 0, -0.1e-3, 0], 0.01),
-        pytest.param([-0.1e-3, 0.04e-3, 0, 0, 0], 0.01, marks=pytest.mark.slow),
-        pytest.param([0.1e-3, -0.03e-3, 0.07e-3, -0.1e-3, 0.02], 0.01, marks=pytest.mark.slow),
+        ([-0.1e-3, 0.04e-3, 0, 0, 0], 0.01),
+        ([0.1e-3, -0.03e-3, 0.07e-3, -0.1e-3, 0.02], 0.01),
     ],
 )
 def test_a_changed_pillar_is_what_its_own_mesh_gives(middle: CellFamily, change: list[float], most: float) -> None:
@@ -121,6 +122,7 @@ SHAPES = {
 }
 
 
+@pytest.mark.slow
 def test_modes_carried_to_a_moved_mesh_stay_orthonormal(middle: CellFamily) -> None:
     """The pillar's bending, f^2 as h^-4: a third derivative of 120 leaves 120 (3 %)^3 (1 - t^2) t / 6 / 2 = 1e-4 of f at two
     thirds of the reach. Modes that keep what inverse iteration gives them grow as h^4 and leave ten times as much.
@@ -132,6 +134,7 @@ def test_modes_carried_to_a_moved_mesh_stay_orthonormal(middle: CellFamily) -> N
     assert np.abs(mine / theirs - 1.0).max() < 3e-4
 
 
+@pytest.mark.slow
 def test_the_check_tells_what_interpolation_misses(middle: CellFamily) -> None:
     """Of a pillar off in every way, beside a mesh of its own; its sign tells that what is missing is added, not taken."""
     checked = middle.checked
