@@ -232,7 +232,12 @@ def test_progress_says_counts_and_can_be_silent(tmp_path: Path, here: ThreadPool
 def start(folder: Path, *more: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "tests.helpers.fake_study", str(folder), *more]
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(command, env=env, stderr=subprocess.PIPE, start_new_session=True)
+    return subprocess.Popen(command, env=env, stderr=subprocess.PIPE, start_new_session=True, preexec_fn=hear_hangups)
+
+
+def hear_hangups() -> None:
+    """Where tests run under nohup, hang-ups are ignored, and so they would be by every process started here."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def living(family: list[psutil.Process]) -> list[psutil.Process]:
