@@ -259,8 +259,8 @@ def clamped_shares(
     edges = (Edge(clamped_edge_exponent(material), OUTER_ACROSS, 1.0), *_rim_edges(*more))
     is_long = mesh.size_m > thickness_m
     shares = replace(_shares(edges, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
-    if not is_long:
-        return replace(shares, correction=_beside_a_layer(mesh, width_m) * shares.correction)
+    if not is_long:  # of a pillar of sections, the share stands for their rims, too, which no smooth layer reaches
+        return shares if more else replace(shares, correction=_beside_a_layer(mesh, width_m) * shares.correction)
     shares = replace(shares, waves=UNLOCKED)
     return (
         replace(shares, correction=LONG * shares.correction, uncertainty=LONG * shares.uncertainty)
@@ -274,7 +274,7 @@ def _beside_a_layer(mesh: HexSettings, width_m: float) -> float:
     if mesh.order != 3 or mesh.layers != 1:
         return 1.0
     high = (mesh.pillar_size_m or mesh.size_m) / width_m
-    return (STRETCHED + 1.0 / (1.0 + BENT * high**2)) / 2.0 if high else 1.0
+    return (STRETCHED + 1.0 / (1.0 + BENT * high**2)) / 2.0 if high > 0.0 else 1.0
 
 
 def held_shares(material: Material, mesh: HexSettings) -> ErrorFractions:

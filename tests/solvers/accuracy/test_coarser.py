@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import pi
 from types import SimpleNamespace
 
 import numpy as np
@@ -167,6 +168,8 @@ def test_a_layer_at_a_pillars_foot_brings_its_smooth_end_where_elements_are_as_h
     wide, narrow = (clamped_shares(STEEL, MESH, width_m=width) for width in (1e3 * MESH.size_m, MESH.pillar_size_m))
     assert narrow.correction / wide.correction == pytest.approx((0.9 + 1.0 / 1.54) / 1.9, rel=1e-6)
     assert narrow.uncertainty == wide.uncertainty == clamped_shares(STEEL, MESH).uncertainty
+    joint = ((STEEL, pi), (STEEL, pi / 2.0))  # its rim has no such end
+    assert clamped_shares(STEEL, MESH, joint, width_m=1e-3) == clamped_shares(STEEL, MESH, joint)
     finer = replace(MESH, order=4)
     assert clamped_shares(STEEL, finer, width_m=1e-3) == clamped_shares(STEEL, finer)
 
