@@ -20,7 +20,7 @@ EXTRAS ?= $(EVERY)
 # Two workers; one that has finished takes tests from the end of the other's list, so that a file's tests stay together.
 SLOW = $(BIN)/python -m pytest -q -n 2 --dist worksteal --durations-path tests/durations.json $(if $(STORE),--store-durations)
 unexport PYTHONDONTWRITEBYTECODE  # compile sources once, not once per process
-.PHONY: help setup study test slow durations test-all fuzz mutants check-gap firmware image-single image-six flash flash-six bench docs release licences clean
+.PHONY: help setup study test lint slow durations test-all fuzz mutants check-gap firmware image-single image-six flash flash-six bench docs release licences clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -48,10 +48,11 @@ study: $(READY)  ## run the main study, or STUDY=name, and print the path of its
 	@$(BIN)/antinode run $(STUDY) --explorer $(if $(JOBS),--jobs $(JOBS))
 
 test: $(READY)  ## run every test not marked slow, with firmware and the band-gap check
-	@$(BIN)/ruff check .
-	@$(BIN)/mypy & types=$$!; \
-	$(BIN)/antinode check-gap --quiet && $(BIN)/python -m pytest -q -n 2 --dist worksteal; \
-	tests=$$?; wait $$types && exit $$tests
+	@$(BIN)/antinode check-gap --quiet
+	@$(BIN)/python -m pytest -q -n 2 --dist worksteal
+
+lint: $(READY)  ## check style and types
+	@$(BIN)/ruff check . && $(BIN)/ruff format --quiet --check . && $(BIN)/mypy
 
 slow: $(READY)  ## run the slow proofs, or a share of them: SHARD=k/n; STORE=1 stores their durations
 	@SLOW_UNTIL=$(UNTIL) $(SLOW) -m slow --splits $(notdir $(SHARD)) --group $(patsubst %/,%,$(dir $(SHARD)))

@@ -1,4 +1,4 @@
-"""What continuous integration runs once every share has passed: the quick tests, then one share of the slow proofs."""
+"""What continuous integration runs: style and types, the quick tests, and one share of the slow proofs."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def main() -> int:
         f"SHARD={share(chosen, json.loads(DURATIONS.read_text()))}",
         f"UNTIL={begin + RUN_S - LONGEST_S:.0f}",
     ]
-    for words in (["test"], slow):
+    for words in (["lint"], ["test"], slow):
         print("make", *words, flush=True)
         code = subprocess.run(["make", *words], cwd=ROOT).returncode
         if code:

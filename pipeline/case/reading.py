@@ -491,7 +491,6 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
         if table == "pillar" and "section" in content:
             sections = _read_sections(content, raw, materials, known, diagnostics)
             own |= sections[0] if sections else {}
-            faulty |= set() if sections else {"pillar.height_mm"}
         if table == "plate" and "layer" in content and "file" not in content:
             layers = _read_layers(content, materials, known, diagnostics)
             own = own | ({"thickness_mm": sum(layers)} if layers else {})
@@ -507,6 +506,9 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
             own = own | sizes_mm(outline)
         found[table], bad = check_table(model, own, f"{table}.", known, diagnostics)
         faulty |= bad
+        if table == "pillar" and "section" in content and not sections:  # neither shape nor sizes are known
+            faulty |= {f"{table}.{name}" for name in model.model_fields}
+            found[table] = model.model_construct(**dict.fromkeys(model.model_fields))
     for owner in MATERIAL_OWNERS:
         _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, diagnostics, bool(layers))
     _check_contrast(materials, diagnostics)

@@ -21,8 +21,6 @@ needs_axe = pytest.mark.skipif(
 )
 WIDTHS, SCHEMES = (1440, 390), ("light", "dark")
 EVERY = [pytest.param(width, scheme, id=f"{width}-{scheme}") for width in WIDTHS for scheme in SCHEMES]
-OTHERS = {"1440-dark", "390-light"}
-HALF = [pytest.param(*each.values, id=each.id, marks=pytest.mark.slow if each.id in OTHERS else ()) for each in EVERY]
 READY = "document.querySelectorAll('#numbers .card').length > 3 && !document.body.classList.contains('stale')"
 
 
@@ -75,8 +73,9 @@ def test_home_and_gallery(faults: Callable[..., list[str]], site: Path, name: st
     assert faults((site / f"{name}.html").as_uri(), width, scheme) == []
 
 
+@pytest.mark.slow
 @needs_axe
-@pytest.mark.parametrize(("width", "scheme"), HALF)
+@pytest.mark.parametrize(("width", "scheme"), EVERY)
 def test_a_report(faults: Callable[..., list[str]], study: Path, width: int, scheme: str) -> None:
     assert faults(study.as_uri(), width, scheme) == []
 

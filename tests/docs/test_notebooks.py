@@ -46,10 +46,8 @@ def cell_outputs(sources: list[str]) -> Iterator[Any]:
             yield eval(compile(ast.Expression(last.value), "cell", "eval"), names)
 
 
-@pytest.mark.parametrize(
-    "place",
-    [pytest.param(p, id=p.stem, marks=[] if p.stem == "target-mode" else [pytest.mark.slow]) for p in NOTEBOOKS],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("place", NOTEBOOKS, ids=lambda place: place.stem)
 @pytest.mark.filterwarnings("ignore::antinode.AntinodeWarning")
 def test_a_notebook_answers_on_coarse_plates(
     place: Path, coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from geometry.materials import Material
 from geometry.mesh import Mesh
@@ -35,5 +36,6 @@ def check_block() -> None:
     assert ((highest - lowest) / fine).max() < 1e-3, "an enclosure worth having"
 
 
+@pytest.mark.slow
 def test_hexahedra_and_tetrahedra_agree_on_the_same_solid() -> None:
     check_block()

@@ -103,6 +103,7 @@ def srinivas_hz(m: int, n: int, degree: int = 14) -> FloatArray:
     return np.sqrt(np.maximum(values, 0.0)) / 2.0 / pi
 
 
+@pytest.mark.slow
 def test_every_mode_of_a_simply_supported_plate_is_srinivas() -> None:
     top_hz = 9e4
     exact = np.sort([tone for m in range(9) for n in range(9) if m + n for tone in srinivas_hz(m, n) if tone < top_hz])

@@ -92,6 +92,7 @@ def test_a_skewed_plate_is_the_solid_of_its_meshes() -> None:
     assert len(others) != len(truth.frequency_hz) or np.abs(others / truth.frequency_hz - 1.0).max() > 2.0 * ALIKE
 
 
+@pytest.mark.slow
 def test_the_whole_plate_has_the_modes_of_all_mirror_classes() -> None:
     design = replace(DESIGN, pillar=BOX)
     model = joined(design, reduction=COARSE)

@@ -70,6 +70,7 @@ def some(count: int) -> FloatArray:
     return np.random.default_rng(4).normal(size=(count, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_zone_ends_at_its_border_for_every_shape(shape: str) -> None:
     design = replace(DESIGN, pillar=SHAPES[shape])

@@ -161,3 +161,10 @@ def test_a_step_pillar_has_no_sections() -> None:
     pillar = {"shape": "step", "file": "pillar.step", "section": [{"height_mm": 1.0}]}
     with pytest.raises(InputError, match="must be left out with a step pillar"):
         case_from_dict({**STEEL_PILLARS, "pillar": pillar})
+
+
+def test_a_faulty_section_is_told_in_one_line() -> None:
+    with pytest.raises(InputError) as caught:
+        case_from_dict({**STEEL_PILLARS, "pillar": {"section": [{"height_mm": 2.0, "sid_mm": 2.0}]}})
+    (line,) = caught.value.lines
+    assert "pillar.section.0.sid_mm = 2: unknown key (did you mean pillar.section.0.side_mm?)" in line

@@ -83,6 +83,7 @@ def test_the_wave_travels_and_carries_what_its_losses_take(solved: tuple[TravelR
     assert record.twr <= record.best_twr + 1e-9
 
 
+@pytest.mark.slow
 def test_the_field_is_the_forced_plate_s_own(solved: tuple[TravelResult, Travelling]) -> None:
     """What the modal table says along the centre line against rms of the whole face, which the forced plate sums itself."""
     record, wave = solved
