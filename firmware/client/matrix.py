@@ -141,7 +141,10 @@ def describe(found: Matrix) -> str:
     )
 
 
-KEPT = "nothing is started, but the board keeps the matrix: `identify` measures again, `pattern 0 REFERENCE` starts it anyway"
+KEPT = (
+    "nothing is started, but the board keeps the matrix: `identify` measures again, `pattern 0 REFERENCE` and the button B1 "
+    "start it anyway"
+)
 
 
 def judge(found: Matrix) -> None:

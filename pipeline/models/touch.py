@@ -192,9 +192,9 @@ def contacts_at(places: Places, numbers: IntArray) -> Contacts:
     touched, plate = places.touched, places.touched.plate
     loads, scaled = places.loads(numbers)
     return Contacts.of(
-        scaled[:, None] * places.receptance[loads[:, :, None], loads[:, None]] * scaled,
+        scaled[:, None] * places.receptance(loads, loads) * scaled,
         plate.scale.eigenvalue(places.frequency_hz),
-        gains=(places.gains[:, loads] * scaled).swapaxes(0, 1),
+        gains=places.gains(loads) * scaled,
         value=np.concatenate([basis.eigenvalue for basis in touched.free.all_modes]),
         loss=np.concatenate([basis.loss for basis in touched.free.all_modes]),
         unit=plate.stiffness_unit,

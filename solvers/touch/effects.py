@@ -21,6 +21,7 @@ from math import acos, cos, gamma, pi, sin, sqrt
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sp
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
@@ -31,13 +32,17 @@ from solvers.piezo.responses import face_motion, ritz_modes
 from solvers.superelement.bond import mirror_signs
 from solvers.superelement.plate import WHOLE
 from solvers.touch import touched_plate
-from solvers.touch.touched_plate import TouchedPlate, with_loads
+from solvers.touch.touched_plate import BLOCK, TouchedPlate, has_one_loss, with_points
 
 PASSES, STEPS = 30, 12  # steps: of the linearised problem, of inverse iteration
 SLIGHT = 1e-6  # relative step of a derivative
 NEAR, SETTLED = 1e-4, 1e-12  # relative change of an eigenvalue between them
 
-COPIES = 6  # of a group's loads that are held at once: loads, residual vectors, slopes, and the three stacked
+COPIES = 6  # of a group's loads that are held where losses differ: loads, residual vectors, slopes, and these stacked
+SQUARES, ALL_SQUARES = (
+    3,
+    48,
+)  # complex matrices of a group's loads that are held at once: with one loss for all modes, and else
 
 SPAN = (2, 6)  # of a map's lattice over a radius, at least and at most
 RULE_ENOUGH = 1e-2  # of a map's mean over a contact
@@ -233,19 +238,26 @@ class Lattice:
 class Places:
     """A touched plate seen from its patches and the points of a lattice at one frequency.
 
-    receptance (p + q, p + q): charges of patches and motions of points, in SI; gains (n, p + q) of the modes of all groups.
+    The loads are p patches, then q points.
     """
 
     touched: TouchedPlate
     points: Lattice
     frequency_hz: float
-    receptance: ComplexArray
-    gains: FloatArray
+    groups: list[FoldedLoads]
 
     @classmethod
     def of(cls, touched: TouchedPlate, points: Lattice, frequency_hz: float) -> Places:
         """Places from a plate's own modes and the residual vectors of all points."""
-        return cls(touched, points, frequency_hz, *_lattice_receptance(touched, points.points_m, frequency_hz))
+        return cls(touched, points, frequency_hz, folded_loads(touched, points.points_m, frequency_hz))
+
+    def receptance(self, rows: IntArray, columns: IntArray) -> ComplexArray:
+        """Charges of patches and motions of points (..., r) per volt or newton of loads (..., c), by number, in SI."""
+        return np.sum([group.among(rows, columns) for group in self.groups], axis=0)
+
+    def gains(self, loads: IntArray) -> FloatArray:
+        """Gains (..., n, l) of loads (..., l) on the modes of all groups."""
+        return np.concatenate([group.gains(loads) for group in self.groups], axis=-2)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -271,10 +283,11 @@ class Places:
 
     def map(self) -> TouchMap:
         """Map over every place; a finger without impedance leaves the free plate's motion."""
-        touched, points, receptance = self.touched, self.points, self.receptance
+        touched, points = self.touched, self.points
         count, stiffness = len(touched.plate.patches), touched.finger.dynamic_stiffness(self.frequency_hz)
-        free = touched.patch_volts(lambda: receptance[:count, :count])
-        field, root, reach = receptance[count:, :count] @ free, np.sqrt(points.weights), points.reach
+        patches, every = np.arange(count), count + np.arange(len(points.points_m))
+        free = touched.patch_volts(lambda: self.receptance(patches, patches))
+        field, root, reach = self.receptance(every, patches) @ free, np.sqrt(points.weights), points.reach
         x_m, y_m = (points.spacing_m * each for each in points.places)
         nx, ny = self.shape
         moved, before = np.zeros((nx, ny)), np.zeros((nx, ny))
@@ -283,7 +296,7 @@ class Places:
         for number, (i, j) in enumerate(np.ndindex(nx, ny)):
             (loads,), scaled = self.loads(np.array([number]))
             own = field[loads[count:] - count]
-            block = scaled[:, None] * receptance[np.ix_(loads, loads)] * scaled
+            block = scaled[:, None] * self.receptance(loads, loads) * scaled
             answer = touched.loads_of(block, stiffness)
             motion = block[count:] @ answer
             before[i, j], moved[i, j] = np.linalg.norm(root * own), np.linalg.norm(motion)
@@ -420,7 +433,7 @@ def lattice(design: Design, touched: TouchedPlate, high_hz: float | None = None)
 
 
 def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
-    """Estimate the memory of a map: the residual vectors of the largest group, and the receptance of all points.
+    """Estimate the memory of a map: the residual vectors of the largest group, and the receptances of all.
 
     Parameters
     ----------
@@ -435,47 +448,74 @@ def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
         Memory in bytes.
     """
     count, distinct = len(points.points_m), len(_distinct(points.points_m)[0])
-    loads = [
-        group.pencil.dof * (count if group.symmetries == (WHOLE,) else distinct * len(group.plates))
-        for group in touched.plate.everything
-    ]
-    return 8.0 * COPIES * max(loads) + 3.0 * 16.0 * count**2
-
-
-Image = tuple[IntArray, FloatArray]  # of points (q,) in one class: the number of its force, and the sign of its motion
-
-
-def _lattice_receptance(
-    touched: TouchedPlate, points_m: FloatArray, frequency_hz: float
-) -> tuple[ComplexArray, FloatArray]:
-    """Receptance (p + q, p + q) of the free plate between its p patches and points (q, 2) of the touch face, symmetric, and
-    gains (n, p + q) of its modes.
-
-    Charges of the patches in C and u_z of the points in m, per volt and per newton.
-    """
-    plate, count = touched.plate, len(touched.plate.patches)
-    eigenvalue = plate.scale.eigenvalue(frequency_hz)
-    total, gains = np.zeros((count + len(points_m),) * 2, dtype=complex), []
-    size = total.shape[1]
+    held, largest = 0.0, 0.0
     for basis in touched.free.all_modes:
-        loads, images = _folded(basis.group, points_m)
-        loaded = with_loads(basis, loads / plate.stiffness_unit)
-        own = loaded.receptance(eigenvalue)
-        half, gain = np.zeros((len(own), size), dtype=complex), np.zeros((len(loaded.gain), size))
-        _unfold(own, half, count, images)
-        _unfold(half.T, total, count, images)
-        _unfold(loaded.gain, gain, count, images)
-        gains.append(gain)
-    return np.asarray(total * plate.stiffness_unit), np.concatenate(gains)
+        group = basis.group
+        loads = count if group.symmetries == (WHOLE,) else distinct * len(group.plates)
+        columns, squares = (loads + 3 * BLOCK, SQUARES) if has_one_loss(basis) else (COPIES * loads, ALL_SQUARES)
+        largest = max(largest, 8.0 * group.pencil.dof * columns + 16.0 * squares * loads**2)
+        held += 16.0 * loads**2
+    return held + largest
 
 
-def _unfold(values: FloatArray | ComplexArray, out: FloatArray | ComplexArray, count: int, images: list[Image]) -> None:
-    """Add values (n, p + k) of p patches and of forces by class to those of the patches and of q points, (n, p + q)."""
-    out[:, :count] += values[:, :count]
-    for place, sign in images:
-        own = values[:, count + place]
-        own *= sign
-        out[:, count:] += own
+@dataclass(frozen=True, eq=False)
+class FoldedLoads:
+    """Receptance of a group between its patches and unit forces at the distinct mirror images of points, class by class.
+
+    receptance (p + k, p + k) in SI, gain (n, p + k). numbers, signs (classes, p + q): where the loads of the whole plate are
+    among these, and the signs of their motion; patches count in the first class alone.
+    """
+
+    receptance: ComplexArray
+    gain: FloatArray
+    numbers: IntArray
+    signs: FloatArray
+
+    def among(self, rows: IntArray, columns: IntArray) -> ComplexArray:
+        """Receptance (..., r, c) between loads of the whole plate (..., r) and (..., c)."""
+        pairs = product(zip(self.numbers, self.signs, strict=True), repeat=2)
+        return np.sum(
+            [
+                one_sign[rows][..., None]
+                * self.receptance[one[rows][..., None], other[columns][..., None, :]]
+                * other_sign[columns][..., None, :]
+                for (one, one_sign), (other, other_sign) in pairs
+            ],
+            axis=0,
+        )
+
+    def gains(self, loads: IntArray) -> FloatArray:
+        """Gains (..., n, l) of loads of the whole plate (..., l)."""
+        each = [sign[loads] * self.gain[:, own[loads]] for own, sign in zip(self.numbers, self.signs, strict=True)]
+        return np.moveaxis(np.sum(each, axis=0), 0, -2)
+
+
+def folded_loads(touched: TouchedPlate, points_m: FloatArray, frequency_hz: float) -> list[FoldedLoads]:
+    """Compute the receptance of a free plate between its patches and points of its touch face, group by group.
+
+    Parameters
+    ----------
+    touched : TouchedPlate
+        The plate.
+    points_m : ndarray, shape (q, 2)
+        The points.
+    frequency_hz : float
+        Frequency in Hz.
+
+    Returns
+    -------
+    list of FoldedLoads
+        One of each group of coupled symmetry classes: charges of the patches in C and u_z of the points in m, per volt and
+        per newton.
+    """
+    plate = touched.plate
+    eigenvalue, unit = plate.scale.eigenvalue(frequency_hz), plate.stiffness_unit
+    out = []
+    for basis in touched.free.all_modes:
+        forces, numbers, signs = _folded(basis.group, points_m, len(plate.patches))
+        loaded = with_points(basis, forces / unit)
+        out.append(FoldedLoads(loaded.receptance(eigenvalue) * unit, loaded.gain, numbers, signs))
+    return out
 
 
 def crest_motion(along_m: ComplexArray, normal_m: ComplexArray, frequency_hz: float) -> CrestMotion:
@@ -565,17 +605,20 @@ def _beyond(basis: GroupModes, patches: int, slopes: bool) -> tuple[FloatArray, 
     return eigenvalue, vectors.T @ gain
 
 
-def _folded(group: Group, points_m: FloatArray) -> tuple[FloatArray, list[Image]]:
-    """Unit forces at the distinct mirror images in x, y >= 0, class by class, (dof, k), and each point's, class by class."""
-    if group.symmetries == (WHOLE,):
-        return face_motion(group, points_m).T.toarray(), [(np.arange(len(points_m)), np.ones(len(points_m)))]
-    distinct, which = _distinct(points_m)
-    loads = [face_motion(Group((plate,), group.join, group.loads), distinct).T.toarray() for plate in group.plates]
-    images = [
-        (number * len(distinct) + which, mirror_signs(symmetry, points_m)[:, 2])
-        for number, symmetry in enumerate(group.symmetries)
-    ]
-    return scipy.linalg.block_diag(*loads), images
+def _folded(group: Group, points_m: FloatArray, patches: int) -> tuple[sp.csc_array, IntArray, FloatArray]:
+    """Unit forces (dof, k) at the distinct mirror images of points in x, y >= 0, class by class, and where the whole plate's
+    loads, its patches first, are among patches and forces: numbers and signs, (classes, p + q) each.
+    """
+    whole = group.symmetries == (WHOLE,)
+    distinct, which = (points_m, np.arange(len(points_m))) if whole else _distinct(points_m)
+    forces = [face_motion(Group((plate,), group.join, group.loads), distinct).T for plate in group.plates]
+    size = patches + len(points_m)
+    numbers, signs = np.tile(np.arange(size), (len(forces), 1)), np.zeros((len(forces), size))
+    signs[0, :patches] = 1.0
+    for number, symmetry in enumerate(group.symmetries):
+        numbers[number, patches:] = patches + number * len(distinct) + which
+        signs[number, patches:] = 1.0 if whole else mirror_signs(symmetry, points_m)[:, 2]
+    return sp.block_diag(forces, format="csc"), numbers, signs
 
 
 def _distinct(points_m: FloatArray) -> tuple[FloatArray, IntArray]:

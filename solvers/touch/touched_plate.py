@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -40,6 +41,8 @@ from solvers.superelement.plate import AssembledPlate
 
 ENOUGH = 1e-3  # of the motion: what the degree may miss; the error of a frequency or a loss is then its square
 DEGREES = (4, 16)  # at least and at most
+
+BLOCK = 128  # loads that are solved for at once
 
 
 def left_beyond(wavenumber_radius: float, degree: int) -> float:
@@ -341,6 +344,55 @@ def with_loads(basis: GroupModes, loads: FloatArray) -> GroupModes:
     )
     loaded = loaded if basis.lost is None else damped(loaded)
     return loaded if basis.parted is None else with_moduli(loaded, basis.parted.moduli)
+
+
+def with_points(basis: GroupModes, loads: sp.csc_array) -> GroupModes:
+    """Add many loads to a group's modes for receptance alone: `with_loads` without columns where one loss serves all modes.
+
+    R' M R takes the place of L' R1 = L' (K - middle M)^-1 M R, since R is M-orthogonal to the modes: no R1 is solved for, and
+    only R is held.
+
+    Parameters
+    ----------
+    basis : GroupModes
+        Modes of a group.
+    loads : sparse array, shape (dof, more)
+        Further loads in the scaled units of the group's own.
+
+    Returns
+    -------
+    GroupModes
+        The same modes, whose gains and residual gains have the further loads after the group's own.
+    """
+    if not has_one_loss(basis):
+        return with_loads(basis, loads.toarray())
+    modes, first = len(basis.frequency_hz), basis.group.loads.shape[1]
+    vectors, heavy = basis.columns[:, :modes], basis.images[1]
+    factor, _ = factor_near(basis.group.pencil, basis.middle, Factoriser())
+    residual = np.empty((len(vectors), first + loads.shape[1]))
+    residual[:, :first] = basis.columns[:, modes : modes + first]
+    slope = np.empty((residual.shape[1],) * 2)
+    slope[:first, :first] = basis.residual_gain[1]
+    for part in _blocks(first, residual.shape[1]):
+        answer = factor.solve(loads[:, part.start - first : part.stop - first].toarray())
+        residual[:, part] = answer - vectors @ (heavy.T @ answer)
+        known = slice(0, part.stop)
+        slope[known, part] = residual[:, known].T @ basis.group.pencil.apply_mass(residual[:, part])
+        slope[part, known] = slope[known, part].T
+    both = sp.hstack([sp.csc_array(basis.group.loads), loads], format="csc")
+    return replace(
+        basis, gain=np.hstack([basis.gain, (loads.T @ vectors).T]), residual_gain=(np.asarray(both.T @ residual), slope)
+    )
+
+
+def has_one_loss(basis: GroupModes) -> bool:
+    """Whether one quality factor stands for all losses of a group, and its moduli are constant."""
+    return basis.lost is None and basis.parted is None
+
+
+def _blocks(first: int, last: int) -> Iterator[slice]:
+    """Ranges of at most BLOCK numbers from the first to before the last."""
+    return (slice(start, min(start + BLOCK, last)) for start in range(first, last, BLOCK))
 
 
 # -- power -------------------------------------------------------------------------------------------------------------

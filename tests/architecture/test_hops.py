@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.architecture.hops import functions_by_file
 
 BOUND = 64
 
 
+@pytest.mark.slow
 def test_bands_of_a_small_plate_run_through_few_files() -> None:
     found = functions_by_file()
     assert {"pipeline/cli/main.py", "pipeline/questions/bands.py", "pipeline/models/bands.py"} <= found.keys()

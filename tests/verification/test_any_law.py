@@ -139,6 +139,7 @@ def test_plates_with_pillars_agree_within_both_bars(
     assert (np.abs(reduced[0] / second[0] - 1.0) <= reduced[1] + second[1]).all()
 
 
+@pytest.mark.slow
 def test_turning_material_and_plate_together_changes_nothing() -> None:
     """A quarter turn of plate and axes: the bars of a block are the same, to rounding."""
     law = {"orthotropic": CRYSTALS["fibres"]["orthotropic"], "density_kg_m3": 1900.0}

@@ -78,6 +78,7 @@ def check_known(lattice: ReducedLattice, tolerance: float) -> None:
     assert np.abs(np.array([sixth.lower_hz, sixth.upper_hz]) / GAP_HZ - 1.0).max() < tolerance
 
 
+@pytest.mark.slow
 def test_bending_at_m_and_the_complete_gap_are_the_known_ones() -> None:
     check_known(planned(0.01), 0.005)
 

@@ -148,7 +148,6 @@ def test_a_free_strip_under_one_patch_has_the_laminates_frequency(pair: Pair) ->
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 @PAIRS
 @pytest.mark.parametrize("back", [True, False], ids=["back", "touch"])
 def test_a_volt_pushes_it_as_far_and_the_same_way(pair: Pair, back: bool) -> None:

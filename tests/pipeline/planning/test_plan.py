@@ -500,6 +500,7 @@ def test_the_window_of_a_rigid_shape_reaches_to_the_clamped_beam_across() -> Non
         assert high / low * mesh_rules.WINDOW[0] == pytest.approx(2.2669, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_end_of_bands_is_the_same_whatever_was_asked_before() -> None:
     """A coarse cell is kept for all cases of a design; within a factor of 1.2, another case's limit gives another end."""
     design, limits = case().design, (0.9e6, 1.2e6, 3.1e6)

@@ -97,6 +97,7 @@ def test_each_way_is_what_the_response_says(record: HybridResult, coarse: pytest
     assert (record.inside, record.behind) == (2, 2)
 
 
+@pytest.mark.slow
 def test_shaped_patches_confine_at_least_as_well_and_without_rows_there_are_none_to_detune(
     record: HybridResult,
 ) -> None:

@@ -102,6 +102,7 @@ def test_a_stored_case_unfolds_for_its_pictures(computed: Path) -> None:
     assert not [name for name in arrays if name.startswith("folded_")]
 
 
+@pytest.mark.slow
 def test_fields_on_demand_hold_every_mode_and_no_less(computed: Path) -> None:
     stored = record.read(computed)
     with np.load(computed / store.FIELDS) as file:

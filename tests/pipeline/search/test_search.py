@@ -535,6 +535,7 @@ def test_a_search_repeats_from_what_it_kept(searched: tuple[dict, dict, Path], m
     assert {k: v for k, v in first.items() if k != "seconds"} == {k: v for k, v in second.items() if k != "seconds"}
 
 
+@pytest.mark.slow
 def test_the_command_that_it_names_gives_the_number_that_it_claims(
     searched: tuple[dict, dict, Path], tmp_path: Path
 ) -> None:

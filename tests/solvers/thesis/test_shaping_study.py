@@ -75,6 +75,7 @@ def test_confinement_on_the_simulated_beam_found_again(study):
         assert result.best_peak_ratio > 0.0 and result.best_contrast_db >= result.contrast_db
 
 
+@pytest.mark.slow
 def test_no_voltages_beat_the_best_contrast(study):
     model = study.beams[0]
     field, random = model.field(2400.0), np.random.default_rng(2)
