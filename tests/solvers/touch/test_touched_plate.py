@@ -331,6 +331,19 @@ def test_a_place_of_the_map_is_a_finger_there() -> None:
     assert np.abs(grid.y_m).max() + SMALL_M <= DESIGN.half_span_m
 
 
+def test_many_loads_answer_as_few_with_their_columns_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(touched_plate, "BLOCK", 3)
+    points_m = np.array([[1e-3, 2e-3], [4e-3, 0.5e-3], [0.0, 3e-3], [7e-3, 1e-3], [2e-3, 2e-3]])
+    for basis in free().all_modes:
+        loads = sp.csc_array(face_motion(basis.group, points_m).T)
+        many, few = touched_plate.with_points(basis, loads), touched_plate.with_loads(basis, loads.toarray())
+        for tone in (12e3, 27e3):
+            at = patched().scale.eigenvalue(tone)
+            theirs = few.receptance(at)
+            assert np.abs(many.receptance(at) - theirs).max() < 1e-10 * np.abs(theirs).max()
+        assert len(many.columns.T) == len(basis.columns.T) < len(few.columns.T)
+
+
 def test_moments_are_the_means_over_a_disk() -> None:
     """Orthonormal in the mean, and of u = 1 + x^2: mean 5/4, mean square 1 + 2/4 + 1/8."""
     points, weights = touched_plate._disk_means(6)
