@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -361,11 +362,8 @@ def _dimensions(design: DesignRecord, geometry: Any) -> str:
     words = [plate, f"{f'{zones} zones' if zones > 1 else 'zone'} {long}{design.width_m / MM:g} mm wide"]
     pillar, pitch_m = design.pillar, design.pitch_x_m
     if pillar and pitch_m and design.rows:
-        rows = len({y for _, y in design.pillar_centres_m})
-        columns = -(-len(design.pillar_centres_m) // max(1, rows))
-        count = f"2 × {design.rows}" if rows == 2 * design.rows else f"{rows}"
         words.append(
-            f"{count} rows of {columns} {pillar.shape} pillars {pillar.form.sizes_text}, "
+            f"{_counted(design)}{pillar.shape} pillars {pillar.form.sizes_text}, "
             f"{', '.join(f'{each.height_m / MM:g}' for each in design.pillars)} mm high, {pitch_m / MM:g} mm apart"
             f"{', every other row shifted by half of that' if design.staggered else ''}"
         )
@@ -377,6 +375,16 @@ def _dimensions(design: DesignRecord, geometry: Any) -> str:
     if geometry:
         words.append(f"{figure_text(geometry.mass_kg / GRAM)} g")
     return "; ".join(words)
+
+
+def _counted(design: DesignRecord) -> str:
+    """Rows and the pillars of each; how many pillars there are where rows around a zone have different numbers of them."""
+    across = [round(y, 9) for _, y in design.pillar_centres_m]
+    rows = Counter(across)
+    if max(rows.values(), default=0) - min(rows.values(), default=0) > 1:
+        return f"{len(across)} "
+    count = f"2 × {design.rows}" if len(rows) == 2 * design.rows else f"{len(rows)}"
+    return f"{count} rows of {-(-len(across) // max(1, len(rows)))} "
 
 
 def _note(fault: str) -> str:

@@ -56,6 +56,7 @@ OF_THE_BEST = ("report_figures",)  # drawn for the best case of a sweep, unless 
 OF_A_CELL = ("dispersion",)  # identical for all cases of one cell
 MARGIN = 14.0  # mm of margin on each side, for dimensions
 LETTERS = 0.033  # of a sketch's width: 11 pixels on a phone
+LETTER = 0.55  # of a letter's height: its mean width
 WIDE = 150.0  # mm of plate drawn 1:1; other plates are scaled so that text stays readable
 PLATE = 'fill="#f3f6f8" stroke="#55606b" stroke-width=".4"'  # without a style sheet
 ZONE, PILLARS = 'fill="#009e73" fill-opacity=".22"', 'fill="#0072b2"'
@@ -230,7 +231,7 @@ def sketch(design: DesignRecord) -> Markup:
     length, breadth, y0 = x1 - x0, high - low, -high  # y points down
     scale = min(1.0, WIDE / length)
     zone, long = design.width_m / MM, design.length_m / MM
-    x, y = design.centre_m[0] / MM, -design.centre_m[1] / MM
+    x, y = design.zone_places_m[0] / MM * (1.0, -1.0)
     size = f'width="{long:.2f}" height="{zone:.2f}"'
     zones = "".join(
         f'<rect class="zone" {ZONE} x="{at - long / 2:.2f}" y="{-across - zone / 2:.2f}" {size}/>'
@@ -245,13 +246,17 @@ def sketch(design: DesignRecord) -> Markup:
     )
     box = f"{x0 - side:.2f} {y0 - 0.4 * side:.2f} {length + 2 * side:.2f} {breadth + 1.2 * side:.2f}"
     words = f"{length:g} × {breadth:g} × {design.thickness_m / MM:g} mm"
+    named = f"active zone, {zone:g} mm wide"
+    if len(named) * LETTER * letters > long:  # wider than the zone: next to it and its rows, towards the plate's middle
+        reach = zone / 2.0 + design.rows * (design.pitch_y_m or 0.0) / MM
+        y += (reach + letters) * (-1.0 if y > 0.0 else 1.0)
     return Markup(
         f'<svg class="sketch" viewBox="{box}" role="img" aria-label="Sketch of the plate: {words}">'
         f"{_plate(design, x0, y0, length, breadth)}"
         f"{zones}"
         f'<path class="pillars" {PILLARS} d="{pillars}"/>'
         f'<g font-size="{letters:.2f}" text-anchor="middle">'
-        f'<text x="{x:.2f}" y="{y + letters / 3:.2f}">active zone, {zone:g} mm wide</text>'
+        f'<text x="{x:.2f}" y="{y + letters / 3:.2f}">{named}</text>'
         f'<text x="{x0 + length / 2:.2f}" y="{y0 + breadth + 1.6 * letters:.2f}">{words}</text></g></svg>'
     )
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,9 +8,11 @@ import numpy as np
 import pytest
 
 from geometry.decimation import with_sides
-from pipeline.case.model import case_from_dict
+from pipeline.case.model import case_from_dict, load_case
+from pipeline.paths import ROOT
 from pipeline.plots import fields, rendering, style
 from pipeline.plots import fields as plots_fields
+from pipeline.quantity import MM
 from pipeline.questions.bands import BandPoint, BandsResult
 from pipeline.questions.modes import ShapesResult
 from pipeline.records.record import DesignRecord, Record
@@ -283,3 +286,24 @@ def test_a_plate_of_a_file_is_drawn_by_its_rims_in_its_own_place(tmp_path: Path)
     sketch = gallery.sketch(design)
     assert 'viewBox="' in sketch and '<path class="plate"' in sketch and "30 × 20 × 1 mm" in sketch
     assert "rows" not in rendering._dimensions(design, None)
+
+
+@pytest.mark.parametrize(
+    ("name", "counted"),
+    [
+        ("examples/28-zone-on-glass.toml", "64 square pillars"),
+        ("examples/37-two-zones.toml", "9 rows of 29 square pillars"),
+        ("studies/three-rows.toml", "2 × 3 rows of 29 square pillars"),
+    ],
+)
+def test_pillars_are_counted_as_they_stand_and_no_label_lies_on_them(name: str, counted: str):
+    design = DesignRecord.of_design(load_case(ROOT / name).design)
+    assert f"; {counted} " in rendering._dimensions(design, None)
+    (texts,) = ET.fromstring(str(gallery.sketch(design))).findall("g")
+    (label,) = [each for each in texts if "zone" in str(each.text)]
+    x, y, height = float(label.attrib["x"]), float(label.attrib["y"]), float(texts.attrib["font-size"])
+    half = len(str(label.text)) * gallery.LETTER * height / 2.0
+    assert not any(
+        abs(own_x / MM - x) < half and -height < -own_y / MM - y < height / 3.0
+        for own_x, own_y in design.pillar_centres_m
+    )
