@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from itertools import pairwise
 from math import hypot, pi
 from typing import Any
@@ -86,7 +86,7 @@ def _in_si(table: SupportTable) -> Support:
 
 def check_places(design: Design, diagnostics: Diagnostics) -> None:
     """Report discs off the plate or beside pillars, foam on them, and held ones that are too near to another."""
-    flush = _flush_edges(design)
+    flush, away = _flush_edges(design), set[int]()
     for number, support in enumerate(design.supports):
         if support.edge:
             if support.edge[0] in flush:
@@ -98,10 +98,15 @@ def check_places(design: Design, diagnostics: Diagnostics) -> None:
         held = bool(support.held_axes)
         gap, words = (GAP * radius, f" with {GAP * radius / MM:g} mm around it") if held else (0.0, "")
         ends = design.plate_m[0] / 2.0 - gap, design.plate_m[1] / 2.0 - gap
-        if any(abs(place) + radius > end * (1.0 + 1e-12) for place, end in zip(support.at_m, ends, strict=True)):
+        most = min(design.plate_m) / 2.0 / (1.0 + GAP * held)
+        if radius > most * (1.0 + NEAR):
+            away.add(number)
+            diagnostics.add(f"support.{number}.radius_mm", radius / MM, f"must be at most {most / MM:g} on this plate")
+        elif any(abs(place) + radius > end * (1.0 + 1e-12) for place, end in zip(support.at_m, ends, strict=True)):
             reach = " and ".join(
                 f"{axis} from {-end / MM:g} to {end / MM:g}" for axis, end in zip("xy", ends, strict=True)
             )
+            away.add(number)
             diagnostics.add(key, at, f"the disc must lie on the plate, {reach} mm")
         elif support.kind == "foam":
             what = "must be clamp, simple, spring or mass on a disc: foam is for edges"
@@ -113,7 +118,7 @@ def check_places(design: Design, diagnostics: Diagnostics) -> None:
             what = f"the disc{words} must lie on bare plate: it meets the panel of a pillar, at most a pitch wide"
             diagnostics.add(key, at, what)
         else:
-            _check_apart(design, number, diagnostics)
+            _check_apart(design, number, away, diagnostics)
 
 
 def dents(design: Design, frequency_hz: float) -> Iterator[str]:
@@ -140,13 +145,13 @@ def dents(design: Design, frequency_hz: float) -> Iterator[str]:
             )
 
 
-def _check_apart(design: Design, number: int, diagnostics: Diagnostics) -> None:
-    """Report a disc less than a thickness from one before it, if either is held."""
+def _check_apart(design: Design, number: int, away: Container[int], diagnostics: Diagnostics) -> None:
+    """Report a disc less than a thickness from one before it that lies on the plate, if either is held."""
     support, room = design.supports[number], design.thickness_m
     for first, other in enumerate(design.supports[:number]):
         apart = hypot(*(a - b for a, b in zip(support.at_m, other.at_m, strict=True)))
         is_near = apart < (support.radius_m + other.radius_m + room) * (1.0 - NEAR)
-        if is_near and not other.edge and (support.held_axes or other.held_axes):
+        if is_near and first not in away and not other.edge and (support.held_axes or other.held_axes):
             what = (
                 f"must leave {room / MM:g} mm, the plate's thickness, between the rims of support.{first} and its own"
             )

@@ -203,6 +203,11 @@ def test_mirrored_classes_are_those_of_the_whole_plate() -> None:
         ),
         ([{"kind": "clamp", "at_mm": [10.95, 0], "radius_mm": 1.0}], "x from -11.9 to 11.9"),
         ([{"kind": "simple", "at_mm": [0, 9], "radius_mm": 1.0}], "the disc must lie on the plate"),
+        ([{"kind": "clamp", "at_mm": [0, 0], "radius_mm": 40.0}], "support.0.radius_mm = 40: must be at most "),
+        (
+            [{"kind": "clamp", "at_mm": [x, 0], "radius_mm": radius} for x, radius in ((11, 4.0), (5, 1.0))],
+            "support.0.at_mm = [11, 0]: the disc must lie on the plate",
+        ),
         ([{"kind": "clamp", "at_mm": [0, 0], "radius_mm": 1.0, "mass_g": 1.0}], "support.0.mass_g"),
         (
             [{"kind": "clamp", "at_mm": [x, 0], "radius_mm": 1.0} for x in (-1.9, 1.9)],
