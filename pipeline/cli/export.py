@@ -52,7 +52,9 @@ def export(arguments: Namespace) -> int:
     from pipeline.exchange import exports
 
     own = _own_mesh(arguments)
-    written = exports.write(case, arguments.format, arguments.output, log, arguments.part, arguments.force, own)
+    written = exports.write(
+        case, arguments.format, arguments.output, log, arguments.part, arguments.force, own, folder=arguments.out
+    )
     answer = Answer(
         {"schema": DOCUMENT_SCHEMA, "files": [str(path) for path in written]}, [f"wrote {path}" for path in written]
     )

@@ -46,12 +46,12 @@ WORDS = {".s1p": ".s1p (Touchstone)"}
 
 def write(
     case: Case, form: str, output: str | None, log: Log, part: str = "plate", force: bool = False,
-    own: UserMesh | None = None, option: str = "-o",
+    own: UserMesh | None = None, option: str = "-o", folder: str | None = None,
 ) -> list[Path]:  # fmt: skip
     """Write one format; returns the files written. Parts other than the plate go to finite-element programs only.
 
     `force`: write a mode table even without a target mode. own: a mesh file to solve instead of the plate. option: what
-    messages call `output`.
+    messages call `output`. folder: where files without an `output` go, created if missing.
     """
     if form not in SOLVER_FILES and part != "plate":
         raise InputError(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
@@ -63,6 +63,8 @@ def write(
     else:
         _require(case, form, part)
     path = Path(f"{case.name}{ENDINGS[form][0]}" if output is None else output)
+    if folder and output is None:
+        path = outputs.folder(folder) / path
     outputs.check_files(option, places(form, output if output == "" else path))
     if output is not None:
         _check_ending(form, path, option)

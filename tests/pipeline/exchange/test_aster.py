@@ -300,6 +300,9 @@ def test_the_command_writes_four_files_that_go_together(tmp_path: Path, capsys: 
     with h5py.File(target) as file:
         assert f'NOM_MED="{next(iter(file["ENS_MAA"]))}"' in commands
     assert main.main(["export", "stl", str(case), "--part", "pillar"]) == 2
+    assert main.main(["export", "calculix", str(case), "--part", "pillar", "--out", str(tmp_path / "made")]) == 0
+    assert {path.name for path in (tmp_path / "made").iterdir()} == {"one.inp", "export.json"}  # and none elsewhere
+    assert {path.name for path in tmp_path.iterdir()} == {"case.toml", "out", "made"}
 
 
 @pytest.mark.slow
