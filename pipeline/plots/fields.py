@@ -83,9 +83,14 @@ def flat_height_in(design: DesignRecord, width_in: float) -> float:
 
 def zone_peak(arrays: dict[str, Any], design: DesignRecord) -> float:
     """Return the largest |u_z| of the target mode on the active touch face, in the scale of the mode."""
-    places = np.abs(arrays["touch_xy"] - np.array(design.centre_m))
+    return _largest(arrays["touch_xy"], arrays["touch_uz"][0], design)
+
+
+def _largest(points_m: FloatArray, uz: FloatArray, design: DesignRecord) -> float:
+    """Largest |u_z| at those of the points (n, 2) that lie on the zone."""
+    places = np.abs(points_m - np.array(design.centre_m))
     inside = (places <= np.array([design.length_m, design.width_m]) / 2 * (1 + 1e-9)).all(axis=1)
-    return float(np.max(np.abs(arrays["touch_uz"][0][inside])))
+    return float(np.max(np.abs(uz[inside])))
 
 
 MAX_NEIGHBOURS = 4
@@ -191,7 +196,7 @@ def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigur
     if not faces.size:
         return None
     box = np.array([points[faces].min(axis=(0, 1))[:2], points[faces].max(axis=(0, 1))[:2]]) / MM
-    uz = _aligned(arrays, points, uz, faces)
+    uz = _aligned(arrays, points, uz, np.unique(faces), design)
     aspect = (box[1, 1] - box[0, 1]) / (box[1, 0] - box[0, 0])
     figure, panels = style.panels(3.3 * aspect + 1.5, 1, 2, sharex=True, sharey=True)
     hexahedra = (arrays["touch_xy"], arrays["touch_triangles"], arrays["touch_uz"][0] / zone_peak(arrays, design))
@@ -211,14 +216,15 @@ def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigur
     return ReportFigure("mode_on_both_meshes", "Target mode with hexahedra and with tetrahedra", alt, figure)
 
 
-def _aligned(arrays: dict[str, Any], points: FloatArray, uz: FloatArray, faces: IntArray) -> FloatArray:
-    """Return the tetrahedral field relative to its maximum, with the sign of the other (modes have no sign)."""
+def _aligned(
+    arrays: dict[str, Any], points: FloatArray, uz: FloatArray, nodes: IntArray, design: DesignRecord
+) -> FloatArray:
+    """Return the tetrahedral field relative to its maximum on the zone, with the sign of the other (modes have no sign)."""
     from scipy.interpolate import NearestNDInterpolator
 
-    nodes = np.unique(faces)
     other = NearestNDInterpolator(arrays["touch_xy"], arrays["touch_uz"][0])(points[nodes, :2])
     sign = 1.0 if float(other @ uz[nodes]) >= 0 else -1.0
-    return sign * uz / float(np.max(np.abs(uz[nodes])))
+    return sign * uz / _largest(points[nodes, :2], uz[nodes], design)
 
 
 def draw_touch(axes: Axes, arrays: dict[str, Any], design: DesignRecord) -> None:

@@ -147,6 +147,17 @@ def test_a_tetrahedral_field_of_the_other_sign_is_turned(case: StoredCase):
     np.testing.assert_allclose(fields[0], fields[1])
 
 
+def test_a_field_by_tetrahedra_is_relative_to_its_maximum_on_the_zone_however_much_the_rest_moves(case: StoredCase):
+    arrays, design = case.arrays(), case.record.design
+    points, moved = arrays["tet_points"], arrays["tet_u"][:, 2].copy()
+    nodes = np.unique(arrays["tet_triangles"])
+    inside = np.abs(points[nodes, 1]) <= design.width_m / 2.0
+    assert inside.any() and not inside.all()
+    moved[nodes[~inside]] *= 50.0
+    drawn = plots_fields._aligned(arrays, points, moved, nodes, design)[nodes]
+    assert np.abs(drawn[inside]).max() == pytest.approx(1.0) and np.abs(drawn).max() > 1.0
+
+
 def test_prediction_and_finite_plates_share_a_picture(study: StoredStudy):
     report_figure = gallery.how_many_rows(study)
     assert report_figure is not None and "predicted 9.0 dB" in report_figure.alt
