@@ -363,15 +363,12 @@ def _dimensions(design: DesignRecord, geometry: Any) -> str:
     pillar, pitch_m = design.pillar, design.pitch_x_m
     if pillar and pitch_m and design.rows:
         words.append(
-            f"{_counted(design)}{pillar.shape} pillars {pillar.form.sizes_text}, "
-            f"{', '.join(f'{each.height_m / MM:g}' for each in design.pillars)} mm high, {pitch_m / MM:g} mm apart"
+            f"{_counted(design)}{design.pillar_text}, {pitch_m / MM:g} mm apart"
             f"{', every other row shifted by half of that' if design.staggered else ''}"
         )
         if pillar.faces == 2:
             words.append("on both faces")
-        for section in pillar.upper:
-            sizes = f"{section.shape} section {section.form.sizes_text}, {section.height_m / MM:g} mm high"
-            words.append(f"each with a {sizes}")
+        words += design.section_texts
     if geometry:
         words.append(f"{figure_text(geometry.mass_kg / GRAM)} g")
     return "; ".join(words)

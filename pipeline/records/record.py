@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property
 from importlib import import_module
+from itertools import pairwise
 from math import isclose, isfinite
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
@@ -22,6 +23,7 @@ from geometry.elements import FloatArray
 from geometry.lattice import Lattice
 from geometry.layout import Design, Pillar
 from geometry.pillar_shapes import PillarShape, stored_shape
+from pipeline.quantity import MM
 from pipeline.records import part, store
 from solvers.measures.confinement import CONFINED_DB
 
@@ -65,6 +67,11 @@ class Open(Part):
     """A part with additional fields, which only its writer names."""
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+
+
+def _row_by_row(texts: list[str]) -> str:
+    """One text if it is that of all rows, or that of each from the zone outwards."""
+    return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
 
 
 class SectionRecord(Open):
@@ -198,6 +205,29 @@ class DesignRecord(Part):
     def pillars(self) -> list[PillarRecord]:
         """Pillars of rows that differ, from the zone outwards; a single one if all rows are alike."""
         return self.graded_pillars or ([self.pillar] if self.pillar else [])
+
+    @property
+    def pillar_text(self) -> str:
+        """Shape, sizes and height of the pillars, row by row from the zone outwards where they differ; '' without pillars."""
+        if not self.pillar:
+            return ""
+        sizes = _row_by_row([each.form.sizes_text for each in self.pillars])
+        heights = _row_by_row([f"{each.height_m / MM:g}" for each in self.pillars])
+        return f"{self.pillar.shape} pillars {sizes}, {heights} mm high"
+
+    @property
+    def section_texts(self) -> list[str]:
+        """What each pillar has above its first section, from below upwards."""
+        return [
+            f"each with a {section.shape} section {section.form.sizes_text}, {section.height_m / MM:g} mm high"
+            for section in (self.pillar.upper if self.pillar else ())
+        ]
+
+    @property
+    def row_gaps_m(self) -> list[float]:
+        """Distances between rows on one side of the zone, from the zone outwards, m."""
+        widths = self.graded_widths_m or [self.pitch_y_m] * self.rows if self.pitch_y_m else []
+        return [(one + other) / 2.0 for one, other in pairwise(widths)]
 
     @property
     def standing(self) -> list[PillarRecord]:

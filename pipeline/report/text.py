@@ -7,7 +7,7 @@ import json
 import math
 import shlex
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib import metadata
 from math import log
@@ -329,8 +329,9 @@ def headline(study: StoredStudy) -> str:
     )
     design = record.design
     tone = khz(peak.frequency_hz, peak.frequency_error) if peak else khz(target.frequency_hz, target.frequency_error)
-    rows, pitch = (design.rows, design.pitch_y_m) if design else (0, None)
-    apart = f" {pitch / MM:g}{WIDE}mm apart" if pitch and rows > 1 else ""
+    rows, gaps = (design.rows, design.row_gaps_m) if design else (0, [])
+    ends = dict.fromkeys(f"{end(gaps) / MM:g}" for end in (min, max) if gaps)
+    apart = f" {' to '.join(ends)}{WIDE}mm apart" if ends else ""
     what = (
         f"{rows} row{'s' if rows != 1 else ''} of pillars{apart} on each side of the zone" if rows else "a bare plate"
     )
@@ -340,6 +341,19 @@ def headline(study: StoredStudy) -> str:
     level = f"{both}; {CONFINED_DB:g}{WIDE}dB counts as confined"
     times = f"{quantity.figure(ratio, error)} times as much as the rest of the plate"
     return f"{first}{what}. At {tone} the active zone moves {times} ({level})."
+
+
+def _materials(design: dict[str, Any]) -> list[str]:
+    """Return the plate's materials from the touch face to the back, and those of its pillars from the foot up, if others."""
+
+    def names(parts: Iterable[dict[str, Any]]) -> list[str]:
+        found = [str((each.get("material") or {}).get("name", "")) for each in parts]
+        return [name for name, before in zip(found, ["", *found], strict=False) if name and name != before]
+
+    pillar = design.get("pillar") or {}
+    plate, sections = names(design.get("layers") or [design]), names([pillar, *(pillar.get("upper") or ())])
+    words = [" on ".join(plate)] if plate else []
+    return [*words, f"pillars of {' under '.join(sections)}"] if sections and sections != plate else words
 
 
 def facts_of(study: StoredStudy) -> list[str]:
@@ -354,12 +368,8 @@ def facts_of(study: StoredStudy) -> list[str]:
             f"zone {design.width_m / MM:g}{WIDE}mm"
         )
     if design and design.pillar and design.rows:
-        pillar = design.pillar
-        words.append(
-            f"{pillar.shape} pillars {pillar.base_m / MM:g}{WIDE}mm wide, {pillar.height_m / MM:g}{WIDE}mm high"
-        )
-    if name := ((stored.get("design") or {}).get("material") or {}).get("name"):
-        words.append(str(name))
+        words.append(", ".join([design.pillar_text, *design.section_texts]))
+    words += _materials(stored.get("design") or {})
     measured = ", ".join(study.about.get("measure") or [])
     words.append(
         f"{len(study.cases)} case{'s' if len(study.cases) != 1 else ''}" + (f" of {measured}" if measured else "")

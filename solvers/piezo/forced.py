@@ -92,6 +92,11 @@ class GroupModes:
         ]
 
     @property
+    def has_one_loss(self) -> bool:
+        """Whether one quality factor stands for all losses, and the moduli are constant."""
+        return self.lost is None and self.parted is None
+
+    @property
     def lossy(self) -> ComplexArray:
         """lambda_r (1 + i/Q_r), (modes,)."""
         return np.asarray(self.eigenvalue * (1.0 + 1j * self.loss))

@@ -32,7 +32,7 @@ from solvers.piezo.responses import face_motion, ritz_modes
 from solvers.superelement.bond import mirror_signs
 from solvers.superelement.plate import WHOLE
 from solvers.touch import touched_plate
-from solvers.touch.touched_plate import BLOCK, TouchedPlate, has_one_loss, with_points
+from solvers.touch.touched_plate import BLOCK, TouchedPlate, with_points
 
 PASSES, STEPS = 30, 12  # steps: of the linearised problem, of inverse iteration
 SLIGHT = 1e-6  # relative step of a derivative
@@ -452,7 +452,7 @@ def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
     for basis in touched.free.all_modes:
         group = basis.group
         loads = count if group.symmetries == (WHOLE,) else distinct * len(group.plates)
-        columns, squares = (loads + 3 * BLOCK, SQUARES) if has_one_loss(basis) else (COPIES * loads, ALL_SQUARES)
+        columns, squares = (loads + 3 * BLOCK, SQUARES) if basis.has_one_loss else (COPIES * loads, ALL_SQUARES)
         largest = max(largest, 8.0 * group.pencil.dof * columns + 16.0 * squares * loads**2)
         held += 16.0 * loads**2
     return held + largest

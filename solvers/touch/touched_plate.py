@@ -364,7 +364,7 @@ def with_points(basis: GroupModes, loads: sp.csc_array) -> GroupModes:
     GroupModes
         The same modes, whose gains and residual gains have the further loads after the group's own.
     """
-    if not has_one_loss(basis):
+    if not basis.has_one_loss:
         return with_loads(basis, loads.toarray())
     modes, first = len(basis.frequency_hz), basis.group.loads.shape[1]
     vectors, heavy = basis.columns[:, :modes], basis.images[1]
@@ -383,11 +383,6 @@ def with_points(basis: GroupModes, loads: sp.csc_array) -> GroupModes:
     return replace(
         basis, gain=np.hstack([basis.gain, (loads.T @ vectors).T]), residual_gain=(np.asarray(both.T @ residual), slope)
     )
-
-
-def has_one_loss(basis: GroupModes) -> bool:
-    """Whether one quality factor stands for all losses of a group, and its moduli are constant."""
-    return basis.lost is None and basis.parted is None
 
 
 def _blocks(first: int, last: int) -> Iterator[slice]:

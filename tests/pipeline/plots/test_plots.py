@@ -300,16 +300,28 @@ def test_a_plate_of_a_file_is_drawn_by_its_rims_in_its_own_place(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("name", "counted"),
+    ("name", "rows", "said"),
     [
-        ("examples/28-zone-on-glass.toml", "64 square pillars"),
-        ("examples/37-two-zones.toml", "9 rows of 29 square pillars"),
-        ("studies/three-rows.toml", "2 × 3 rows of 29 square pillars"),
+        ("examples/28-zone-on-glass.toml", "", "64 square pillars 2 mm wide, 6.4 mm high"),
+        ("examples/37-two-zones.toml", "", "9 rows of 29 square pillars 2 mm wide, 6.3 mm high"),
+        (
+            "studies/three-rows.toml",
+            "heights_mm=[6, 6.3, 6.6]",
+            "2 × 3 rows of 29 square pillars 2 mm wide, 6, 6.3, 6.6 mm high",
+        ),
+        (
+            "studies/three-rows.toml",
+            "sides_mm=[2, 1.5, 1]",
+            "square pillars 2 mm wide, 1.5 mm wide, 1 mm wide, 6.3 mm high",
+        ),
+        ("studies/three-rows.toml", "pitches_y_mm=[4, 5, 6]", "square pillars 2 mm wide, 6.3 mm high, 4 mm apart"),
     ],
 )
-def test_pillars_are_counted_as_they_stand_and_no_label_lies_on_them(name: str, counted: str):
-    design = DesignRecord.of_design(load_case(ROOT / name).design)
-    assert f"; {counted} " in rendering._dimensions(design, None)
+def test_pillars_are_named_as_they_stand_and_no_label_lies_on_them(name: str, rows: str, said: str):
+    design = DesignRecord.of_design(load_case(ROOT / name, [f"array.{rows}"] if rows else []).design)
+    assert said in rendering._dimensions(design, None)
+    if "pitches" in rows:
+        assert design.row_gaps_m == pytest.approx([4.5e-3, 5.5e-3])  # between their middles
     (texts,) = ET.fromstring(str(gallery.sketch(design))).findall("g")
     (label,) = [each for each in texts if "zone" in str(each.text)]
     x, y, height = float(label.attrib["x"]), float(label.attrib["y"]), float(texts.attrib["font-size"])

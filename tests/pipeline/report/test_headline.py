@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
+from pipeline.case.model import load_case
 from pipeline.models.answer_parts import SpreadRecord
-from pipeline.paths import RESULTS
+from pipeline.paths import RESULTS, ROOT
 from pipeline.plots.fields import level_text
 from pipeline.questions import study as asked
 from pipeline.questions.bands import BandPoint, BandsResult, Gap
@@ -157,6 +158,18 @@ def test_the_lead_tells_the_best_plate_in_words_that_need_no_glossary(study: Sto
     )
     ours = StoredStudy(RESULTS / "rows", {"case": "three-rows.toml"}, study.cases)
     assert text.command(ours, study.cases[-1]).startswith("antinode modes studies/three-rows.toml --set")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("examples/25-display.toml", ["aluminosilicate on optically-clear-adhesive on glass", "pillars of aluminium"]),
+        ("studies/glass-plate.toml", ["glass", "pillars of aluminium under steel"]),
+        ("studies/three-rows.toml", ["aluminium"]),
+    ],
+)
+def test_the_facts_name_every_material(name: str, said: list[str]) -> None:
+    assert text._materials(load_case(ROOT / name).to_dict()["design"]) == said
 
 
 def test_the_facts_name_plate_pillars_day_and_program(study: StoredStudy, tmp_path: Path) -> None:
