@@ -344,6 +344,18 @@ def test_many_loads_answer_as_few_with_their_columns_do(monkeypatch: pytest.Monk
         assert len(many.columns.T) == len(basis.columns.T) < len(few.columns.T)
 
 
+def test_folded_loads_are_those_of_the_points_themselves() -> None:
+    points_m = 1e-3 * np.array([[1.0, 2.0], [-1.0, 2.0], [-4.0, -1.0], [4.0, 1.0], [0.0, -3.0]])
+    plate, tone = touched(NOTHING), 18e3
+    at, unit = plate.plate.scale.eigenvalue(tone), plate.plate.stiffness_unit
+    every = np.arange(len(PATCHES_M) + len(points_m))
+    for folded, basis in zip(effects.folded_loads(plate, points_m, tone), free().all_modes, strict=True):
+        own = touched_plate.with_loads(basis, face_motion(basis.group, points_m).T.toarray() / unit)
+        theirs = own.receptance(at) * unit
+        assert np.abs(folded.among(every, every) - theirs).max() < 1e-10 * np.abs(theirs).max()
+        assert np.allclose(folded.gains(every), own.gain, rtol=0.0, atol=1e-10 * np.abs(own.gain).max(initial=1.0))
+
+
 def test_moments_are_the_means_over_a_disk() -> None:
     """Orthonormal in the mean, and of u = 1 + x^2: mean 5/4, mean square 1 + 2/4 + 1/8."""
     points, weights = touched_plate._disk_means(6)
