@@ -47,3 +47,10 @@ def test_a_block_of_any_material_is_compared_with_its_exact_solution(monkeypatch
     design = Design(20e-3, 15e-3, 8e-3, 1, MATERIALS["brass"], None, *[np.nan] * 2, 0, 0.0)
     result = of_block("block", "superelement", design)
     assert len(result.error) >= 2 and result.within == 1.0
+
+
+def test_one_mesh_is_not_compared_with_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    alike = error_bars.Compared("zone", "a plate", np.zeros(3), np.full(3, 1e-3))
+    monkeypatch.setitem(error_bars.PARTS, "zones", error_bars.Part(lambda _: alike, 1))
+    with pytest.raises(RuntimeError, match="not a digit differs"):
+        error_bars.compare({"zones": 1})
