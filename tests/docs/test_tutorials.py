@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 OTHERS = [ROOT / "docs" / "start.md", *sorted((ROOT / "docs" / "how-to").glob("*.md"))]
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
+QUICK = ("09-print-file", "42-amplitude-loop", "housing")
 BLOCK = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
 SHOWN = re.compile(
@@ -134,7 +135,7 @@ def test_the_first_page_answers_on_coarse_plates(
 
 @pytest.mark.parametrize(
     "script",
-    [pytest.param(s, id=s.stem, marks=[pytest.mark.slow] if s.stem == "dispersion" else []) for s in SCRIPTS],
+    [pytest.param(s, id=s.stem, marks=[] if s.stem in QUICK else [pytest.mark.slow]) for s in SCRIPTS],
 )
 def test_an_example_answers_on_a_coarse_plate(
     script: Path, coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture

@@ -83,6 +83,7 @@ def test_a_loop_has_no_bound(compiler: dict[str, Path]) -> None:
         image.bound(compiler["single"], "an_crc32")
 
 
+@pytest.mark.slow
 def test_both_images_fit(compiler: dict[str, Path]) -> None:
     from firmware.image import Elf
 

@@ -160,7 +160,7 @@ def test_a_second_mode_close_by_is_told_apart(core, quality_factor: float, hz: f
 
 
 @pytest.mark.parametrize("half_bandwidths", [-1.0, 1.0])
-@pytest.mark.parametrize("quality_factor", [100.0, 300.0, 1000.0])
+@pytest.mark.parametrize("quality_factor", [pytest.param(100.0, marks=pytest.mark.slow), 300.0, 1000.0])
 def test_a_plate_that_softens_or_stiffens_is_measured_at_a_lower_level(
     core, quality_factor: float, half_bandwidths: float
 ) -> None:

@@ -96,6 +96,7 @@ def test_every_inner_facet_belongs_to_two_elements(panel: Panel, pillar: Pillar)
         assert np.abs(reach / (W / 2.0) - 1.0).max() < 1e-12, "a crack within the pillar"
 
 
+@pytest.mark.slow
 def test_coarser_meshes_are_nested(panel: Panel, pillar: Pillar) -> None:
     """A field that a coarser mesh can hold is prolonged exactly; without the innermost layer the geometry itself is one."""
     fine, layer = panel_mesh(panel, STACK, pillar, SETTINGS), panel_mesh(panel, STACK, pillar, SETTINGS.coarser)

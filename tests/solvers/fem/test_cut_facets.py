@@ -35,7 +35,7 @@ def exact(line_m: float, powers: tuple[int, int]) -> float:
 
 @pytest.mark.parametrize("shape", ["round", "hexagonal"])
 @pytest.mark.parametrize("place", LINES)
-@pytest.mark.parametrize("order", [2, 3, 4])
+@pytest.mark.parametrize("order", [*(pytest.param(order, marks=pytest.mark.slow) for order in (2, 4)), 3])
 def test_integrals_end_at_a_line_about_a_foot(shape: str, place: str, order: int) -> None:
     """The facets about the foot fill a rectangle whatever their edges: moments of its part below a line are known."""
     pillar = Pillar(shape, 2.0 * R, 2.0 * R, H, MATERIALS["aluminium"])

@@ -228,6 +228,7 @@ def test_a_part_of_the_cell_lies_above_it_by_what_the_functions_left_out_tell(fa
     assert (np.abs(estimate - risen) <= 0.3 * risen + 2.0 * risen.max() ** 2 + 1e-6).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("top_hz", [0.5e6, 0.7e6, 0.9e6, 1.2e6])
 @pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3)])
 def test_the_modes_left_out_are_told_by_their_residual_flexibility(pitch: tuple[float, float], top_hz: float) -> None:
