@@ -263,6 +263,12 @@ class Pillar:
         return tuple(found)
 
     @property
+    def step_m(self) -> float:
+        """Least distance of the sides of other sections from those of the foot, m, flush ones apart; inf without any."""
+        widths = [width for section in self.upper for width in (section.base_m, section.tip_m)]
+        return min((abs(width - self.base_m) / 2.0 for width in widths if width != self.base_m), default=inf)
+
+    @property
     def volume_m3(self) -> float:
         """Volume without fillet, m3; NaN where it is not known."""
         return sum(section.form.volume_m3(section.height_m) for section in self.parts)

@@ -188,7 +188,7 @@ def foot_shares(design: Design, mesh: HexSettings) -> ErrorFractions:
     """Error fractions of the rims of a plate's feet; a plate without pillars has no singular edges."""
     pillar = design.pillar
     return (
-        rim_shares(design.stack.back, pillar.material, mesh, *pillar.joints)
+        rim_shares(design.stack.back, pillar.material, mesh, *pillar.joints, step_m=pillar.step_m)
         if pillar
         else ErrorFractions(order=mesh.order)
     )

@@ -25,6 +25,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 ZONE_EDGE: dict[str, Any] = {"color": "black", "lw": 0.9, "ls": (0, (5, 3))}
 KINDS = {"hex": "structured hexahedra", "tet": "tetrahedra (pytetwild)"}
+ROUNDED = 1e-6  # of places stored in single precision: those at the end of a zone may lie beyond it
 
 
 def skin_faces(arrays: dict[str, Any], prefix: str) -> IntArray | None:
@@ -89,7 +90,7 @@ def zone_peak(arrays: dict[str, Any], design: DesignRecord) -> float:
 def _largest(points_m: FloatArray, uz: FloatArray, design: DesignRecord) -> float:
     """Largest |u_z| at those of the points (n, 2) that lie on the zone."""
     places = np.abs(points_m - np.array(design.centre_m))
-    inside = (places <= np.array([design.length_m, design.width_m]) / 2 * (1 + 1e-9)).all(axis=1)
+    inside = (places <= np.array([design.length_m, design.width_m]) / 2 * (1 + ROUNDED)).all(axis=1)
     return float(np.max(np.abs(uz[inside])))
 
 

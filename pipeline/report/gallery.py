@@ -22,6 +22,7 @@ from pipeline.quantity import level as level_text
 from pipeline.questions.attenuation import AttenuationResult
 from pipeline.questions.bands import LEGEND_COLUMNS, MARKS, WHITE, BandsResult
 from pipeline.questions.study import draws
+from pipeline.records import record as records
 from pipeline.records import store, tables
 from pipeline.records.record import DesignRecord
 from pipeline.records.store import canonical_json, file_hash
@@ -519,7 +520,7 @@ def _kept(folder: Path, key: str) -> list[StoredFigure] | None:
 
 def _key(visible: Any, files: list[Path]) -> str:
     """Return a hash of the data and the code of the pictures."""
-    sources = [Path(__file__), *sorted(Path(style.__file__).parent.glob("*.py"))]
+    sources = [Path(__file__), Path(records.__file__), *sorted(Path(style.__file__).parent.glob("*.py"))]
     parts = [canonical_json(visible), metadata.version("matplotlib")]
     parts += [file_hash(path) for path in [*files, *sources] if path.exists()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -67,6 +67,7 @@ OUTER_ACROSS, OUTER_ALONG = 0.65, 0.35
 ACROSS = 0.7
 # uncertainty of a share in half-ranges between both, by order: the higher it is, the more the weaker singularities differ
 RANGES = {3: 0.15, 4: 1.1}
+BESIDE = 0.5  # of an element's size: a side of another section nearer to the foot's than that is a layer there
 # of a mode's energy: least part in motions that the elements resolve badly, the source of the whole error
 UNRESOLVED = 0.5
 # of the last order's change in a plate thinner than its elements are long: the rest is that order two locks in bending
@@ -199,7 +200,7 @@ def largest(half_widths: FloatArray) -> float | None:
 
 
 def rim_shares(
-    plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, wall: float = pi / 2.0
+    plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, wall: float = pi / 2.0, step_m: float = inf
 ) -> ErrorFractions:
     """Compute the error fractions at the rims of a foot and of further rims.
 
@@ -215,6 +216,8 @@ def rim_shares(
         Further rims.
     wall : float, optional
         Angle that the pillar fills above its foot, in rad.
+    step_m : float, optional
+        Distance of the sides of further sections from those of the foot.
 
     Returns
     -------
@@ -225,8 +228,17 @@ def rim_shares(
     ----------
     .. [1] williams1952 (docs/references.bib)
     """
-    edges = (*_edges(rim_wedges(plate, pillar, wall)), *_rim_edges(*more))
-    return replace(_shares(edges, mesh, RIM_ROUGH, RANGES.get(mesh.order, 1.0)), doubt=EDGE_UNCERTAINTY)
+    rims = [_edges(rim_wedges(plate, pillar, wall)), *(_rim_edges(rim) for rim in more)]
+    ranges = RANGES.get(mesh.order, 1.0)
+    shares = replace(_shares(sum(rims, ()), mesh, RIM_ROUGH, ranges), doubt=EDGE_UNCERTAINTY)
+    # any of the rims may have all of a mode's change
+    alone = [_shares(rim, mesh, RIM_ROUGH, ranges).correction for rim in rims]
+    unsure = max(abs(each - shares.correction) for each in alone)
+    if (
+        step_m < BESIDE * mesh.size_m
+    ):  # on that side the coarser mesh has a layer, too: up to half of the change is missing
+        unsure += shares.correction
+    return replace(shares, uncertainty=shares.uncertainty + unsure)
 
 
 def clamped_shares(

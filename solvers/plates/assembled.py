@@ -196,7 +196,9 @@ class Reductions:
                     cell, (fine, parts), lower, None, ErrorFractions(order=settings.order), reduction.top_hz
                 )
             own = self.pillar_of(panel) or self.pillar
-            shares = rim_shares(self.stack.back, own.material, settings, *own.joints, wall=own.wall_angle)
+            shares = rim_shares(
+                self.stack.back, own.material, settings, *own.joints, wall=own.wall_angle, step_m=own.step_m
+            )
             return extrapolated(cell, (fine, parts), lower, layer[0], shares, reduction.top_hz)
 
         return extrapolate

@@ -147,6 +147,15 @@ def test_a_tetrahedral_field_of_the_other_sign_is_turned(case: StoredCase):
     np.testing.assert_allclose(fields[0], fields[1])
 
 
+@pytest.mark.parametrize("length_mm", [115.5, 115.4, 118.3])
+def test_the_ends_of_a_zone_belong_to_it_however_their_places_are_rounded(length_mm: float):
+    settings = [f"zone.length_mm={length_mm}", "array.rows=0"]
+    design = DesignRecord.of_design(load_case(ROOT / "studies/three-rows.toml", settings).design)
+    ends = np.array([[0.0, 0.0], [design.half_length_m, 0.0], [0.0, design.width_m]], dtype=np.float32).astype(float)
+    arrays = {"touch_xy": ends, "touch_uz": np.array([[0.6, -1.0, 3.0]])}
+    assert plots_fields.zone_peak(arrays, design) == 1.0
+
+
 def test_a_field_by_tetrahedra_is_relative_to_its_maximum_on_the_zone_however_much_the_rest_moves(case: StoredCase):
     arrays, design = case.arrays(), case.record.design
     points, moved = arrays["tet_points"], arrays["tet_u"][:, 2].copy()

@@ -216,3 +216,13 @@ def test_one_element_across_hides_what_the_last_order_did_not_serve() -> None:
     assert lower.half_width(np.zeros(1), np.full(1, 1e-2)) == pytest.approx(1e-2 * layer_share(LAYER, 4, 2))
     change = np.full(1, 1e-5)
     assert lower.half_width(change, change) > regular_share(4) * change
+
+
+def test_any_rim_may_have_all_of_the_change_and_a_section_beside_the_foot_hides_half_of_it() -> None:
+    soft = Material.isotropic("soft", STEEL.as_isotropic.young_pa / 50.0, 1200.0, 0.38)
+    flush = ((STEEL, np.pi / 2.0), (soft, np.pi / 2.0))
+    foot, both = rim_shares(STEEL, STEEL, MESH), rim_shares(STEEL, STEEL, MESH, flush)
+    assert both.correction != foot.correction
+    assert abs(foot.correction - both.correction) < both.uncertainty > foot.uncertainty
+    far, beside = (rim_shares(STEEL, STEEL, MESH, flush, step_m=share * MESH.size_m) for share in (0.6, 0.1))
+    assert far == both and beside.uncertainty == pytest.approx(both.uncertainty + both.correction)
