@@ -23,6 +23,7 @@ GROUP_FILES = (  # limit and use in a control group's folder, versions 2 and 1
 )
 
 STATED = "ANTINODE_MEMORY_GIB"  # memory available, set by the user instead of measured
+FACTOR = "ANTINODE_FACTOR"  # name of the factorisation taken
 
 
 def workers() -> int:
@@ -46,10 +47,8 @@ def available_bytes() -> float:
     float
         In bytes.
     """
-    with suppress(ValueError):
-        stated = float(os.environ.get(STATED, "")) * 2**30
-        if stated > 0.0:
-            return stated
+    if stated := os.environ.get(STATED):
+        return float(stated) * 2**30
     import psutil  # slow to import
 
     return max(0.0, min([float(psutil.virtual_memory().available), *_group_rooms(), *_process_rooms()]))

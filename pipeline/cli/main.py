@@ -13,6 +13,7 @@ import sys
 import tomllib
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator, Sequence
+from math import inf
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -134,7 +135,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from pipeline.logs import TerminalLog
     from pipeline.questions import command
 
-    _require_threads()
+    _require_variables()
     lend_cache_folders()
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search reads every installed distribution
     TerminalLog.verbose = arguments.verbose
@@ -153,14 +154,27 @@ def _function(place: str) -> Callable[..., Any]:
     return function
 
 
-def _require_threads() -> None:
-    """Raise InputError for an invalid limit of threads."""
+def _require_variables() -> None:
+    """Raise InputError for an invalid limit of threads or memory, or an unknown factorisation, in the environment."""
     from pipeline.errors import InputError
-    from solvers.machine import LIMIT
+    from solvers.machine import FACTOR, LIMIT, STATED, factorisations
 
-    given = os.environ.get(LIMIT, "0")
-    if not given.isdecimal():
-        raise InputError(f"{LIMIT} = {given!r}: must be a whole number of threads; 0 uses every core")
+    faults, given = [], {name: os.environ[name] for name in (LIMIT, STATED, FACTOR) if name in os.environ}
+    if not given.get(LIMIT, "0").isdecimal():
+        faults.append(f"{LIMIT} = {given[LIMIT]!r}: must be a whole number of threads; 0 uses every core")
+    if not _is_above_0(given.get(STATED, "1")):
+        faults.append(f"{STATED} = {given[STATED]!r}: must be a number above 0, in GiB")
+    if given.get(FACTOR) and given[FACTOR] not in factorisations():
+        faults.append(f"{FACTOR} = {given[FACTOR]!r}: must be one of {', '.join(factorisations())} here")
+    if faults:
+        raise InputError(faults)
+
+
+def _is_above_0(text: str) -> bool:
+    try:
+        return 0.0 < float(text) < inf
+    except ValueError:
+        return False
 
 
 def _report_error(error: Exception) -> int:

@@ -35,7 +35,7 @@ def report_figure(record: MeasuredRecord, arrays: Mapping[str, Any], design: Des
 
 
 def _sweep(figure: Any, record: MeasuredSweepRecord, arrays: Mapping[str, Any]) -> None:
-    curve, circle = figure.subplots(1, 2, width_ratios=[2, 1])
+    curve, circle = figure.subplots(1, 2, width_ratios=[1.4, 1])
     pairs = (
         ("measured_hz", "measured_response", record, style.VERMILION, "measured" + marked(record)),
         ("measured_computed_hz", "measured_computed", record.computed, style.BLUE, "computed"),
@@ -76,7 +76,7 @@ def _circle(axes: Any, record: MeasuredSweepRecord, arrays: Mapping[str, Any]) -
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(True)
     quality_factor = "none" if record.quality_factor is None else figure_text(record.quality_factor)
-    axes.set(xlabel="real part relative to the peak", ylabel="imaginary part", title=f"Quality factor {quality_factor}")
+    axes.set(xlabel="real part (peak: 1)", ylabel="imaginary part", title=f"Quality factor {quality_factor}")
 
 
 def _fields(

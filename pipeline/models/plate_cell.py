@@ -22,7 +22,7 @@ from pipeline.models.step_cell import reduced_body, step_body
 from pipeline.models.unit_cell import CLEAR, LatticeModel, good_enough, largest_of_alike, own_pilot
 from pipeline.models.user_mesh import UserMesh, read_bodies
 from pipeline.planning import mesh_rules
-from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
+from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice, in_rows
 from solvers.accuracy.reduction import STILL
 from solvers.plates.own_cell import Body, OwnReductions, body_of
 from solvers.superelement.interface import ReductionSettings
@@ -106,8 +106,7 @@ def in_own_vectors(case: Case, body: Body) -> Case:
     if body.edges_m is None:
         return case
     (x1, y1), (x2, y2) = body.edges_m.tolist()
-    design = replace(case.design, pitch_x_m=x1, pitch_y_m=y2, stagger=False, oblique_m=((x1, y1), (x2, y2)))
-    return replace(case, design=design)
+    return in_rows(case, ((x1, y1), (x2, y2)))
 
 
 def plate_cell(case: Case, bodies: Sequence[Body], ratio: float, log: Log, high_hz: float) -> LatticeModel:

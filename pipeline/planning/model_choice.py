@@ -286,6 +286,24 @@ def by_rows(case: Case) -> Case:
         )
     if not vectors or not (case.design.oblique_m or _is_in_one_cell(case)):
         return case
+    return in_rows(case, vectors)
+
+
+def in_rows(case: Case, vectors: Vectors) -> Case:
+    """Return the case with a cell of its lattice whose first side lies along x, and with the pitches of such rows.
+
+    Parameters
+    ----------
+    case : Case
+        Any case.
+    vectors : tuple of tuple
+        Vectors along a row and to the next one, as of `in_vectors`.
+
+    Returns
+    -------
+    Case
+        With what is attached to the cell at its images there.
+    """
     own = in_vectors(case, vectors)
     return replace(own, design=replace(own.design, pitch_x_m=vectors[0][0], pitch_y_m=vectors[1][1]))
 

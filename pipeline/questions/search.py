@@ -21,6 +21,14 @@ if TYPE_CHECKING:
 
 Goal = Literal["confinement", "extension", "worst", "widest", "isolation", "closest"]
 SHOWN = 8
+# of a legend: below the axes, where it hides no design
+BELOW: dict[str, Any] = {
+    "loc": "upper center",
+    "bbox_to_anchor": (0.5, -0.16),
+    "ncols": 3,
+    "fontsize": 9,
+    "columnspacing": 1.2,
+}
 
 
 class Varied(Part):
@@ -197,9 +205,9 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return the pictures of the goal over the varied keys, and against frequency and mass."""
-        drawn, (left, right) = style.panels(3.9, 1, 2, width_ratios=[1.15, 1.0])
-        self.draw(left)
-        self._tradeoff(right)
+        drawn, (over, against) = style.panels(7.2, 2, 1)
+        self.draw(over)
+        self._tradeoff(against)
         title = "Best confinement of the target mode"
         return [style.ReportFigure("search", title, self._alt(), drawn, vector=True)]
 
@@ -258,7 +266,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         best = [self._number(self.best, key) for key in keys]
         axes.plot(*best, "*", color=style.VERMILION, mec="white", ms=15, ls="none", label="best")
         axes.set(xlabel=keys[0].title, ylabel=keys[1].title, title="Landscape (background: strips)")
-        axes.legend(fontsize=9, loc="upper right", framealpha=0.8, frameon=True)
+        axes.legend(**BELOW)
         axes.figure.colorbar(image, ax=axes, label=self._title)
 
     def _tradeoff(self, axes: Any) -> None:
@@ -285,7 +293,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
                 axes.axvline(limit_hz / KHZ, color=style.GREY, lw=0.8, ls=":")
         axes.set(xlabel="frequency of the target mode (kHz)", ylabel=self._title, title="Trade-off")
         axes.grid(True)
-        axes.legend(fontsize=9)
+        axes.legend(**BELOW)
 
     def _alt(self) -> str:
         base, best = (getattr(design, self._value) for design in (self.base, self.best))

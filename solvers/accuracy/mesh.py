@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import factorial, inf, pi
@@ -229,16 +229,10 @@ def rim_shares(
     .. [1] williams1952 (docs/references.bib)
     """
     rims = [_edges(rim_wedges(plate, pillar, wall)), *(_rim_edges(rim) for rim in more)]
-    ranges = RANGES.get(mesh.order, 1.0)
-    shares = replace(_shares(sum(rims, ()), mesh, RIM_ROUGH, ranges), doubt=EDGE_UNCERTAINTY)
-    # any of the rims may have all of a mode's change
-    alone = [_shares(rim, mesh, RIM_ROUGH, ranges).correction for rim in rims]
-    unsure = max(abs(each - shares.correction) for each in alone)
-    if (
-        step_m < BESIDE * mesh.size_m
-    ):  # on that side the coarser mesh has a layer, too: up to half of the change is missing
-        unsure += shares.correction
-    return replace(shares, uncertainty=shares.uncertainty + unsure)
+    shares = _shares(rims, mesh, RIM_ROUGH, RANGES.get(mesh.order, 1.0))
+    # on a side so near the coarser mesh has a layer, too: up to half of the change is missing
+    missing = shares.correction if step_m < BESIDE * mesh.size_m else 0.0
+    return replace(shares, uncertainty=shares.uncertainty + missing, doubt=EDGE_UNCERTAINTY)
 
 
 def clamped_shares(
@@ -268,9 +262,9 @@ def clamped_shares(
     ----------
     .. [1] williams1952 (docs/references.bib)
     """
-    edges = (Edge(clamped_edge_exponent(material), OUTER_ACROSS, 1.0), *_rim_edges(*more))
+    rims = [(Edge(clamped_edge_exponent(material), OUTER_ACROSS, 1.0),), *(_rim_edges(rim) for rim in more)]
     is_long = mesh.size_m > thickness_m
-    shares = replace(_shares(edges, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
+    shares = replace(_shares(rims, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
     if not is_long:  # of a pillar of sections, the share stands for their rims, too, which no smooth layer reaches
         return shares if more else replace(shares, correction=_beside_a_layer(mesh, width_m) * shares.correction)
     shares = replace(shares, waves=UNLOCKED)
@@ -308,7 +302,7 @@ def held_shares(material: Material, mesh: HexSettings) -> ErrorFractions:
     ----------
     .. [1] williams1952 (docs/references.bib)
     """
-    return _shares(_edges((Wedge(material, pi),), (HELD, FREE)), mesh, CLAMPED_ROUGH)
+    return _shares([_edges((Wedge(material, pi),), (HELD, FREE))], mesh, CLAMPED_ROUGH)
 
 
 @dataclass(frozen=True)
@@ -320,8 +314,8 @@ class Edge:
     weight: float
 
 
-def _rim_edges(*rims: Rim) -> tuple[Edge, ...]:
-    return tuple(edge for rim in rims for edge in _edges((Wedge(*rim[0]), Wedge(*rim[1]))))
+def _rim_edges(rim: Rim) -> tuple[Edge, Edge]:
+    return _edges((Wedge(*rim[0]), Wedge(*rim[1])))
 
 
 def _edges(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FREE)) -> tuple[Edge, Edge]:
@@ -330,20 +324,33 @@ def _edges(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FREE)) -> 
     return Edge(across, OUTER_ACROSS, ACROSS), Edge(along, OUTER_ALONG, 1.0 - ACROSS)
 
 
-def _shares(edges: tuple[Edge, ...], mesh: HexSettings, rough: float, ranges: float = 1.0) -> ErrorFractions:
-    """Weighted mean of singularities; their range (times `ranges`) and a rough part are the uncertainty."""
-    left, order, less = [], [], replace(mesh, order=mesh.order - 1)
+def _shares(rims: Sequence[tuple[Edge, ...]], mesh: HexSettings, rough: float, ranges: float = 1.0) -> ErrorFractions:
+    """Weighted mean of the singularities of some rims, any of which may have all of a mode's change.
+
+    The singularities' range (times `ranges`), a rough part, and how far one rim alone is from all of them are the uncertainty.
+    """
+    left, order = zip(*(_of_rim(rim, mesh) for rim in rims), strict=True)
+    weights = np.array([edge.weight for rim in rims for edge in rim])
+    all_left, all_order = np.concatenate(left), np.concatenate(order)
+    middle, at_edge = (float(np.average(each, weights=weights)) for each in (all_left, all_order))
+    alone = [np.average(each, weights=[edge.weight for edge in rim]) for each, rim in zip(left, rims, strict=True)]
+    unlike = float(max(abs(each - middle) for each in alone))
+    spread = ranges * float(np.ptp(all_left)) / 2.0 + rough * middle + unlike
+    taken = middle if mesh.layers else 0.0  # without layers the edge's share of the change is unknown
+    return ErrorFractions(taken, spread + middle - taken, at_edge, order=mesh.order)
+
+
+def _of_rim(edges: tuple[Edge, ...], mesh: HexSettings) -> FloatArray:
+    """Of each of k singularities: what is left of the layer's change, and the order's change over it, (2, k)."""
+    less = replace(mesh, order=mesh.order - 1)
+    of_edges = []
     for edge in edges:
         own, coarse, lower = (
             rim_error(edge.exponent, each.order, each.factor, each.layers - each.skipped, edge.outer)
             for each in (mesh, mesh.coarser if mesh.layers else less, less)
         )
-        left.append(own / (coarse - own))
-        order.append((lower - own) / (coarse - own))
-    middle, at_edge = (float(np.average(each, weights=[edge.weight for edge in edges])) for each in (left, order))
-    spread = ranges * (max(left) - min(left)) / 2.0 + rough * middle
-    taken = middle if mesh.layers else 0.0  # without layers the edge's share of the change is unknown
-    return ErrorFractions(taken, spread + middle - taken, at_edge, order=mesh.order)
+        of_edges.append((own / (coarse - own), (lower - own) / (coarse - own)))
+    return np.transpose(of_edges)
 
 
 Body = TypeVar("Body")

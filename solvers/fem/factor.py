@@ -239,7 +239,7 @@ class Factoriser:
     """
 
     def __init__(self, backend: str | None = None) -> None:
-        self.backend = backend or os.environ.get("ANTINODE_FACTOR") or machine.factorisations()[0]
+        self.backend = backend or os.environ.get(machine.FACTOR) or machine.factorisations()[0]
         if self.backend not in machine.factorisations():
             raise SolverError(
                 f"factorisation '{self.backend}' is not installed; use {', '.join(machine.factorisations())}"

@@ -8,7 +8,7 @@ import numpy as np
 
 from geometry import errors
 from geometry.elements import FloatArray, IntArray
-from geometry.lattice import FURTHEST, pitch_along_x
+from geometry.lattice import FURTHEST, row_vectors
 from geometry.layout import Design
 from geometry.materials import Material
 from geometry.mesh import AnyMesh, Mesh
@@ -122,22 +122,19 @@ def _oblique_edges(design: Design, mesh: Mesh) -> FloatArray | None:
 
     Raises MeshError for a lattice without rows along x, and for a mesh that leans otherwise.
     """
-    (x1, y1), (x2, y2) = design.lattice.a1_m, design.lattice.a2_m
-    if y1 == 0.0 and x2 == 0.0:
+    if design.lattice.a1_m[1] == 0.0 and design.lattice.a2_m[0] == 0.0:
         return None
-    steps = range(-FURTHEST, FURTHEST + 1)
-    points = np.array([(i * x1 + j * x2, i * y1 + j * y2) for i in steps for j in steps])
-    pitch = pitch_along_x((x1, y1), (x2, y2))
-    if pitch is None:
+    rows = row_vectors(*design.lattice.vectors_m)
+    if rows is None:
         raise errors.MeshError("the lattice must have rows along x: turn the cell and its vectors")
-    height, low = design.lattice.area_m2 / pitch, mesh.nodes[:, 1].min()
+    ((pitch, _), (shift, height)), low = rows, mesh.nodes[:, 1].min()
     ends = [mesh.nodes[np.abs(mesh.nodes[:, 1] - low - up) < FLUSH * height, 0] for up in (0.0, height)]
     if not all(map(len, ends)):
         raise errors.MeshError(
             f"the cell must have two sides along x, {1e3 * height:g} mm apart, as rows of the lattice are"
         )
     lean = float(ends[1].min() - ends[0].min())
-    shifts = points[np.abs(points[:, 1] - height) < FLUSH * height, 0]
+    shifts = shift + pitch * np.arange(-FURTHEST, FURTHEST + 1)
     if np.abs(shifts - lean).min() > FLUSH * pitch:
         allowed = ", ".join(f"{1e3 * shift:g}" for shift in sorted(shifts, key=abs)[:3])
         what = f"its upper side lies {1e3 * lean:g} mm further along x than the lower one"

@@ -39,10 +39,8 @@ SLIGHT = 1e-6  # relative step of a derivative
 NEAR, SETTLED = 1e-4, 1e-12  # relative change of an eigenvalue between them
 
 COPIES = 6  # of a group's loads that are held where losses differ: loads, residual vectors, slopes, and these stacked
-SQUARES, ALL_SQUARES = (
-    3,
-    48,
-)  # complex matrices of a group's loads that are held at once: with one loss for all modes, and else
+# complex matrices of a group's loads that are held at once: with one loss for all modes, and else
+SQUARES, ALL_SQUARES = 3, 48
 
 SPAN = (2, 6)  # of a map's lattice over a radius, at least and at most
 RULE_ENOUGH = 1e-2  # of a map's mean over a contact

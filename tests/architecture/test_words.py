@@ -23,6 +23,7 @@ LEFT_OUT = re.compile(r"^(tests|results)/|vendor|^docs/reference/schema\.md$|^do
 LISTED = tomllib.loads((Path(__file__).parent / "words.toml").read_text(encoding="utf-8"))
 PHRASES = {write: re.compile(phrase, re.MULTILINE) for write, phrase in LISTED["phrases"].items()}
 NAMES = {re.compile(name): write for name, write in LISTED["names"].items()}
+ANY_NAME = re.compile(rf"\b(?:{'|'.join(LISTED['names'])})\b")
 
 
 def prose(name: str, text: str) -> Iterator[tuple[int, str]]:
@@ -47,7 +48,9 @@ def hits(name: str, text: str) -> Iterator[str]:
 
 
 def banned(text: str) -> list[str]:
-    """Names on the list that a Python source defines or uses."""
+    """Names on the list that a Python source defines or uses; most have none anywhere, and need not be parsed."""
+    if not ANY_NAME.search(text):
+        return []
     tree = ast.walk(ast.parse(text))
     names = (getattr(node, "id", None) or getattr(node, "attr", None) or getattr(node, "name", None) for node in tree)
     return [name for name in names if isinstance(name, str) and any(each.fullmatch(name) for each in NAMES)]

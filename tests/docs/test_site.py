@@ -223,6 +223,13 @@ def test_a_dead_link_and_a_missing_name_are_faults(
     assert any("1 warnings" in fault for fault in site["build"].build(source, tmp_path / "two"))
 
 
+def test_every_variable_of_the_environment_is_listed() -> None:
+    sources = [path.read_text() for name in ("antinode", "pipeline", "solvers") for path in (ROOT / name).rglob("*.py")]
+    read = {name for text in sources for name in re.findall(r"ANTINODE_[A-Z_]+", text)}
+    page = (DOCS / "reference" / "commands.md").read_text()
+    assert read == set(re.findall(r"`(ANTINODE_[A-Z_]+)`", page)) and len(read) >= 4
+
+
 def test_every_warning_is_explained() -> None:
     page, codes = (DOCS / "how-to" / "warnings.md").read_text(), set()
     for folder in ("antinode", "pipeline", "solvers", "studies"):

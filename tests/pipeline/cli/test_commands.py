@@ -20,6 +20,7 @@ from pipeline.cli import main
 from pipeline.cli.compare import Edge
 from pipeline.questions import predesign
 from pipeline.records import store
+from solvers.machine import factorisations
 
 ROOT = Path(__file__).resolve().parents[3]
 CASE = str(ROOT / "studies" / "three-rows.toml")
@@ -230,12 +231,17 @@ def test_a_symmetry_class_is_named_by_its_letters(words: list[str], capsys: pyte
     assert f"class {words[-1][-2:]}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("given", ["abc", "-1", "1.5", ""])
-def test_a_limit_of_threads_that_is_none_is_wrong_input(
-    given: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("variable", "given", "allowed"),
+    [
+        *(("THREADS", each, "a whole number of threads; 0 uses every core") for each in ("abc", "-1", "1.5", "")),
+        *(("MEMORY_GIB", each, "a number above 0, in GiB") for each in ("8GB", "-1", "0", "nan", "inf", "")),
+        ("FACTOR", "lapack", f"one of {', '.join(factorisations())} here"),
+    ],
+)
+def test_a_variable_that_means_nothing_is_wrong_input(
+    variable: str, given: str, allowed: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("ANTINODE_THREADS", given)
+    monkeypatch.setenv(f"ANTINODE_{variable}", given)
     assert main.main(["materials"]) == 2
-    assert capsys.readouterr().err == (
-        f"antinode: ANTINODE_THREADS = {given!r}: must be a whole number of threads; 0 uses every core\n"
-    )
+    assert capsys.readouterr().err == f"antinode: ANTINODE_{variable} = {given!r}: must be {allowed}\n"
