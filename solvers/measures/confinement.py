@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from math import log
 from typing import Any, TypeAlias
 
@@ -108,13 +108,33 @@ class DrivenZones:
         return float(np.min(-self.level_db[:, -1]))
 
 
-AT_ONCE = 10_000  # points whose motion is weighed at once: of all of them it would be a second copy
+AT_ONCE = 4_000  # points whose motion is weighed at once: of all of them it would be a second copy
 
 
-def _products(weights: FloatArray, values: Any) -> FloatArray:
-    """Sum of w_q conj(v_qi) v_qj over the points q, (k, k)."""
-    parts = ((weights[at : at + AT_ONCE], values[at : at + AT_ONCE]) for at in range(0, max(len(weights), 1), AT_ONCE))
-    return np.asarray(sum(own.conj().T @ (heavy[:, None] * own) for heavy, own in parts))
+def _blocks(parts: Sequence[FloatArray], values: Any) -> Iterator[tuple[FloatArray, Any]]:
+    """Weights (parts, q) and values (q, k) of some points after others."""
+    for first in range(0, len(values), AT_ONCE):
+        at = slice(first, first + AT_ONCE)
+        yield np.array([part[at] for part in parts]), values[at]
+
+
+def _products(parts: Sequence[FloatArray], values: Any) -> list[FloatArray]:
+    """Sum of w_q conj(v_qi) v_qj over the points q, (k, k), for the weights (q,) of each part, 0 outside it."""
+    sums = [np.zeros((values.shape[1],) * 2, dtype=values.dtype) for _ in parts]
+    for weights, some in _blocks(parts, values):
+        for total, heavy in zip(sums, weights, strict=True):
+            if (within := heavy != 0.0).any():
+                own = some if within.all() else some[within]
+                total += own.conj().T @ (heavy[within, None] * own)
+    return sums
+
+
+def _squares(parts: Sequence[FloatArray], values: Any) -> list[FloatArray]:
+    """Sum of w_q |v_qi|^2 over the points q, (k,), for the weights of each part."""
+    sums = np.zeros((len(parts), values.shape[1]))
+    for weights, some in _blocks(parts, values):
+        sums += weights @ (some.conj() * some).real
+    return list(sums)
 
 
 @dataclass(frozen=True)
@@ -132,38 +152,36 @@ class Overlaps:
     @classmethod
     def of(cls, touch: TouchField, design: Design, symmetry: str | None = None) -> Overlaps | None:
         """Integrate over both parts; None without a passive face."""
-        passive = design.passive(touch.points)
-        if not passive.any():
-            return None
-        faces = [(touch.weights[part], touch.values[part]) for part in (touch.is_active(design), passive)]
-        heavy = touch.weights * (shape := _shape_at(touch, design, symmetry))
-        projection = heavy @ touch.values / np.sqrt(max(float(heavy @ shape), 1e-300))
-        surface = design.stack.mass_kg_m2
-        return replace(cls.between(faces), projection=projection, strength=surface / touch.modal_mass_kg)
+        return cls.of_both(touch, design, symmetry)[0]
 
     @classmethod
-    def between(cls, faces: Sequence[tuple[Any, Any]]) -> Overlaps:
-        """Overlaps from weights (q,) and values (q, k) at the points of both parts, the active one first."""
-        active, passive = (_products(weights, values) for weights, values in faces)
-        return cls(active, passive)
+    def between(cls, active: FloatArray, passive: FloatArray, values: Any) -> Overlaps:
+        """Overlaps from the weights (q,) of both parts, 0 outside them, and values (q, k)."""
+        of_active, of_passive = _products((active, passive), values)
+        return cls(of_active, of_passive)
 
     @classmethod
     def of_both(cls, touch: TouchField, design: Design, symmetry: str | None = None) -> Pair:
-        """Overlaps with the passive face, and with the plate beyond the last row."""
-        return cls.of(touch, design, symmetry), cls.of_extension(touch, design)
+        """Overlaps with the passive face, and with the plate beyond the last row; None without such a part.
+
+        The latter lack what belongs to the target shape.
+        """
+        masks = touch.is_active(design), design.passive(touch.points), design.beyond_rows(touch.points)
+        parts = [touch.weights * mask for mask in masks]
+        areas = [float(part.sum()) for part in parts]
+        active, passive, beyond = _products(parts, touch.values)
+        heavy = touch.weights * (shape := _shape_at(touch, design, symmetry))
+        projection = heavy @ touch.values / np.sqrt(max(float(heavy @ shape), 1e-300))
+        strength = design.stack.mass_kg_m2 / touch.modal_mass_kg
+        return (
+            cls(active, passive, projection, strength) if masks[1].any() else None,
+            cls(active, beyond) if areas[2] > NEGLIGIBLE * areas[0] else None,
+        )
 
     def among(self, modes: Sequence[int]) -> Overlaps:
         """Overlaps of some of the modes."""
         square, shapes = np.ix_(modes, modes), self.projection[list(modes)] if len(self.projection) else self.projection
         return Overlaps(self.active[square], self.passive[square], shapes, self.strength)
-
-    @classmethod
-    def of_extension(cls, touch: TouchField, design: Design) -> Overlaps | None:
-        """Overlaps with the plate beyond the last row in place of the passive face; None without any."""
-        active, beyond = touch.is_active(design), design.beyond_rows(touch.points)
-        if not touch.weights[beyond].sum() > NEGLIGIBLE * touch.weights[active].sum():
-            return None
-        return cls.between([(touch.weights[part], touch.values[part]) for part in (active, beyond)])
 
     def mixing_db(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> float:
         """Bound the change of a mode's confinement by mixing with neighbours, from relative frequency errors (parlett1998).
@@ -387,14 +405,14 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
 
 def _measured(profile: Profile, design: Design, points: FloatArray) -> Confinement:
     """Measure motions at points (q, 2) of the touch face."""
-    weights, squares, active = profile.weights, np.abs(profile.values) ** 2, design.in_zone(points)
+    weights, active = profile.weights, design.in_zone(points)
     parts = [weights * part for part in (active, design.passive(points), design.beyond_rows(points))]
     shape, values = profile.shape[active], profile.values[active]
     own = weights[active] @ np.abs(shape) ** 2
     projection = np.abs((weights[active] * shape.conj()) @ values) ** 2 / np.maximum(own, 1e-300)
     surface = design.stack.mass_kg_m2
-    integrals, areas = [part @ squares for part in parts], [float(part.sum()) for part in parts]
-    return confined(integrals, areas, projection, surface / profile.modal_mass)
+    areas = [float(part.sum()) for part in parts]
+    return confined(_squares(parts, profile.values), areas, projection, surface / profile.modal_mass)
 
 
 def confined(

@@ -348,7 +348,9 @@ class Column:
             return forced_bars(parts, force, stiff, moved, quality_factor, error, mixed)
 
         def mixing_db(index: int, error: float) -> float:
-            return Overlaps.between(parts).mixing_db(tones_hz, index, error)
+            return Overlaps.between(own.weights * active, own.weights * ~active, own.values).mixing_db(
+                tones_hz, index, error
+            )
 
         modes = AcrossModes(tones_hz, measure_profile(own, self.design))
         errors = lambda: _mode_errors(self, self.pencil(), stiff, vectors)  # noqa: E731

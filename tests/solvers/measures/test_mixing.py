@@ -51,13 +51,13 @@ def test_one_neighbour_moves_the_level_over_the_plate_beyond_the_rows_as_its_sha
     mixed = np.column_stack([values[:, 0], values[:, 0] + share * values[:, 1]])
     before, after = measure(face(mixed, design.half_span_m), design, None).extension_db
     touch = face(values, design.half_span_m)
-    overlaps = Overlaps.of_extension(touch, design)
+    overlaps = Overlaps.of_both(touch, design)[1]
     assert overlaps and overlaps.mixing_db(TONES[:2], 0, error) == pytest.approx(abs(after - before), rel=10.0 * share)
     assert overlaps.mixing_db(TONES[:2], 0, error) != pytest.approx(
         level_db(touch, TONES[:2], 0, error, design), rel=0.1
     )
     short = replace(design, extension_m=0.0)
-    assert Overlaps.of_extension(face(values, short.half_span_m), short) is None
+    assert Overlaps.of_both(face(values, short.half_span_m), short)[1] is None
 
 
 def test_overlaps_of_some_modes_are_those_of_their_motion_alone() -> None:
@@ -80,7 +80,7 @@ def test_complex_neighbours_move_the_level_as_that_of_the_worst_phase_does() -> 
 
     phases = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 181))
     worst = np.abs(ratio(values[:, :1] + share * phases * values[:, 1:]) - ratio(values[:, :1])).max()
-    overlaps = Overlaps.between([(np.full(part.sum(), 1e-6), values[part]) for part in (half, ~half)])
+    overlaps = Overlaps.between(1e-6 * half, 1e-6 * ~half, values)
     assert overlaps.mixing_db(TONES[:2], 0, error) == pytest.approx(worst, rel=1e-2)
 
 
