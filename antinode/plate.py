@@ -239,7 +239,7 @@ class Plate(Frozen):
         *,
         goal: Goal = "confinement",
         evaluations: int = 16,
-        min_frequency_kHz: float = 25.0,
+        min_frequency_kHz: float | None = None,
         target_kHz: Pair | None = None,
         max_half_wavelength_mm: float = 20.0,
         min_feature_mm: float = 0.4,

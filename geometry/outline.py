@@ -26,6 +26,7 @@ UPRIGHT = 1.0 - 1e-9  # cosine of a normal along z
 CURVE = 120  # segments of a curved edge: they leave a full circle by 3e-4 of its radius
 FLUSH_M = 2e-8  # what touches a rim to twenty nanometres is flush with it
 ACROSS = 64  # places across a zone's end
+LEAST_BACK = 0.3  # of the touch face: a smaller highest face is that of a boss
 BEYOND = 0.05  # of the thickness: a zone that ends nearer to the rim ends with the plate
 
 OffPlate = Literal["", "outline", "hole"]
@@ -158,12 +159,19 @@ def _outline(file: str, sha256: str) -> Outline:
     faces, box = _merged(solid).Faces(), solid.BoundingBox()
     levels = [(face.Center().z, face.normalAt().z, face) for face in faces if face.geomType() == "PLANE"]
     back_mm = max((z for z, up, _ in levels if up > UPRIGHT), default=0.0)
-    touch = _rim([face for z, up, face in levels if up < -UPRIGHT and abs(z) < LEVEL_MM])
-    back = _rim([face for z, up, face in levels if up > UPRIGHT and abs(z - back_mm) < LEVEL_MM])
+    below = [face for z, up, face in levels if up < -UPRIGHT and abs(z) < LEVEL_MM]
+    above = [face for z, up, face in levels if up > UPRIGHT and abs(z - back_mm) < LEVEL_MM]
+    touch, back = _rim(below), _rim(above)
     known = bool(len(touch.segments)), abs(back_mm - box.zmax) < ON_PLANE_MM
     for is_plane, height in zip(known, (0.0, box.zmax), strict=True):
         if not is_plane:
             raise GeometryError(f"{file}: has no plane face on z = {height:g} mm: touch face and back must be planes")
+    part = sum(face.Area() for face in above) / sum(face.Area() for face in below)
+    if part < LEAST_BACK:
+        what = f"its highest face, on z = {back_mm:g} mm, is {100.0 * part:.2g} % of its touch face"
+        raise GeometryError(
+            f"{file}: {what}: the back must be one plane, without bosses; pillars are those of [pillar]"
+        )
     if len(solid.Shells()) > 1:
         raise GeometryError(f"{file}: has a cavity inside: must be a solid with a single surface")
     x0, x1, y0, y1 = (round(MM * end, 10) for end in (box.xmin, box.xmax, box.ymin, box.ymax))

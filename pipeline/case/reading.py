@@ -121,8 +121,11 @@ class Diagnostics:
         return "--set" if from_command else self.file
 
     def add(self, key: str, value: Any, text: str) -> None:
-        """Add a line: origin: key = value: text."""
-        self._note(key, f"{self.origin(key)}: {key_quoted(key)} = {quoted(value)}: {text}")
+        """Add a line: origin: key = value: text; for no value that the key is missing."""
+        if value is None:
+            self.missing(key, text)
+        else:
+            self._note(key, f"{self.origin(key)}: {key_quoted(key)} = {quoted(value)}: {text}")
 
     def missing(self, key: str, text: str) -> None:
         """Add a line for a missing key."""

@@ -25,7 +25,7 @@ from pipeline.planning import driven_demand, mesh_rules, resource_estimate, simp
 from pipeline.planning.model_choice import ModelChoice, driven_band_hz, model_choice_of, response_high_hz
 from pipeline.planning.refinement import WidestBar
 from pipeline.planning.resources import ResourceEstimate
-from pipeline.quantity import MM, figure, frequency
+from pipeline.quantity import MM, figure, frequency, interval
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
 from solvers.control.identification import half_power_points
@@ -66,6 +66,7 @@ from solvers.superelement.moduli import Moduli
 from solvers.threads import one_thread
 
 FOLLOWS = 0.2  # of its own lowest resonance: below it, motion inside a patch adds at most 4 % to the static deflection
+ABOUT = 0.1  # of the target mode's frequency: how far a default band reaches beyond a mode that lies outside it
 GRID = 160
 DECAYED = 4.0  # half-power widths on either side of a peak: range for reading its quality factor
 AROUND_PEAK = 65  # points over this range, and more at the peak
@@ -101,14 +102,14 @@ def forced_plate(
     case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[MeshRecord] | None = None,
     is_announced: bool = False, choice: ModelChoice | None = None, own_moduli: bool = False,
 ) -> ForcedPlate:  # fmt: skip
-    """Bond the patches and prepare the forced response over a band (default: the case's).
+    """Bond the patches and prepare the forced response over a band (default: the case's, or one around the target mode).
 
     meshes: receives the meshes; is_announced: the plate is one of several, whose resource estimate was logged as a whole;
     choice: model and mesh of a plan that was logged; own_moduli: those that depend on the frequency are taken at each one,
     about a reduction with those at the band's middle. InputError for a model that cannot carry patches, and the exceptions of
     the solvers.
     """
-    band = driven_band_hz(case, band_hz)
+    given, band, known = case, driven_band_hz(case, band_hz), len(meshes or ())
     refuse_patches(case, band)
     if not is_announced and choice is None:
         resource_estimate.log_estimate("the forced response", _demand(case, band), log)
@@ -124,7 +125,23 @@ def forced_plate(
             log.warning("MATERIAL", line)
     model = parts.built(case, choice, log, [] if meshes is None else meshes, parted)
     assert isinstance(model, PlateModel)
-    return driven(case, model, band, log)
+    forced = driven(case, model, band, log)
+    if band_hz or case.solve.band_hz or (wider := _with_target(forced)) is None:
+        return forced
+    log.info(f"the target mode lies outside the default band, which therefore spans {interval(*wider)}")
+    del (meshes or [])[known:]
+    return forced_plate(given, log, wider, meshes, is_announced=True, own_moduli=own_moduli)
+
+
+def _with_target(forced: ForcedPlate) -> tuple[float, float] | None:
+    """The band of a plate with its target mode, Hz; None where the band contains it, or there is none.
+
+    Theory sizes the default band for a free plate that ends beyond the rows: supports and narrow rims move the mode.
+    """
+    (low, high), tone = forced.band_hz, driven_hz(forced)
+    if tone is None or low <= tone <= high:
+        return None
+    return min(low, (1.0 - ABOUT) * tone), max(high, (1.0 + ABOUT) * tone)
 
 
 @one_thread()

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Goal = Literal["confinement", "extension", "worst", "widest", "isolation", "closest"]
 SHOWN = 8
+LOWEST_KHZ = 25.0  # of the target mode: above what is heard
 # of a legend: below the axes, where it hides no design
 BELOW: dict[str, Any] = {
     "loc": "upper center",
@@ -345,7 +346,9 @@ class Search(
         at_most=MAX_EVALUATIONS,
         help="number of assembled plates, with three columns of cells for each",
     )
-    min_frequency_kHz: float = option(default=25.0, unit="kHz", at_least=0.0, help="lowest allowed frequency")
+    min_frequency_kHz: float | None = option(
+        default=None, unit="kHz", at_least=0.0, help=f"lowest allowed frequency (default {LOWEST_KHZ:g} kHz)"
+    )
     target_kHz: Pair | None = option(
         default=None,
         unit="kHz",
@@ -386,6 +389,8 @@ class Search(
         from pipeline.search.optimiser import check
 
         check(space, self._settings())
+        if self.target_kHz and self.min_frequency_kHz is not None:
+            raise InputError("--min-frequency: must not be given with --target, whose window has a lowest frequency")
         if case.design.supports and self.verify_with == "solid":
             raise InputError("--verify-with solid: must be plate with [[support]]: solid meshes carry no supports")
         if case.design.zones > 1 and self.verify_with == "solid":
@@ -402,7 +407,8 @@ class Search(
     def _settings(self) -> Settings:
         from pipeline.search.optimiser import Settings
 
-        lowest_kHz, highest_kHz = self.target_kHz or (self.min_frequency_kHz, None)
+        lowest = LOWEST_KHZ if self.min_frequency_kHz is None else self.min_frequency_kHz
+        lowest_kHz, highest_kHz = self.target_kHz or (lowest, None)
         limits = Limits(
             lowest_hz=KHZ * lowest_kHz,
             highest_hz=None if highest_kHz is None else KHZ * highest_kHz,

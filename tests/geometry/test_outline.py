@@ -107,3 +107,10 @@ def test_a_missing_file_and_one_that_is_no_step_file_are_refused(tmp_path: Path)
     text.write_text("not STEP\n")
     with pytest.raises(GeometryError, match="not a readable STEP file"):
         read_outline(text)
+
+
+def test_a_boss_on_the_back_is_named(tmp_path: Path) -> None:
+    """The rims of its top would count as those of the plate's back."""
+    boss = panel(30.0, 20.0, 1.0, 4.0).union(cq.Workplane().box(8.0, 8.0, 3.0, centered=(True, True, False)))
+    with pytest.raises(GeometryError, match=r"its highest face, on z = 3 mm, is 11 % of its touch face: the back must"):
+        read(boss, tmp_path)

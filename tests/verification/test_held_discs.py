@@ -196,7 +196,7 @@ def test_mirrored_classes_are_those_of_the_whole_plate() -> None:
     ("support", "said"),
     [
         ([{"kind": "foam", "at_mm": [0, 0], "radius_mm": 1.0, "stiffness_N_per_m2": 1.0}], "foam is for edges"),
-        ([{"kind": "clamp", "at_mm": [0, 0]}], "support.0.radius_mm"),
+        ([{"kind": "clamp", "at_mm": [0, 0]}], "support.0.radius_mm: missing, must be given with at_mm"),
         (
             [{"kind": "spring", "at_mm": [0, 0], "radius_mm": 1.0, "stiffness_N_per_m": 7.1e5}],
             "support.0.stiffness_N_per_m = 710000: must be at most 700000 on this disc",

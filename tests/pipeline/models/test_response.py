@@ -13,11 +13,12 @@ import pytest
 
 from pipeline.case.model import case_from_dict
 from pipeline.cli.main import main
-from pipeline.models.forced import _widest_bar
+from pipeline.models.forced import _widest_bar, forced_plate
+from pipeline.planning import mesh_rules
 from pipeline.planning.refinement import WidestBar
 from solvers.control.identification import half_power_quality_factor
 from solvers.piezo import responses
-from solvers.piezo.responses import FrequencyErrors
+from solvers.piezo.responses import FrequencyErrors, driven_hz
 from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
@@ -78,6 +79,21 @@ def test_the_highest_peak_is_the_curves_highest_point(document: dict) -> None:
     assert document["highest_peak"]["frequency_hz"] == document["frequency_hz"][top]
     ratio = document["zone_rms_m_per_V"][top] / document["passive_rms_m_per_V"][top]
     assert document["highest_peak"]["confinement_db"] == pytest.approx(20.0 * np.log10(ratio))
+
+
+@pytest.mark.parametrize("given", [{}, {"band_kHz": [75.0, 85.0]}])
+def test_a_default_band_is_extended_to_the_target_mode(given: dict, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Supports and narrow rims move the mode out of the band that theory gives; a band of the case stays as it is."""
+    tables = tomllib.loads(CASE)
+    tables["solve"] = {"accuracy": 0.1, **given}
+    monkeypatch.setattr(mesh_rules, "target_window_hz", lambda design: (75e3, 85e3))
+    meshes: list[Any] = []
+    forced = forced_plate(case_from_dict(tables), log := RecordingLog(), None, meshes)
+    tone = driven_hz(forced)
+    assert tone and tone < 75e3
+    assert forced.band_hz == (75e3 if given else pytest.approx(0.9 * tone), 85e3)
+    assert any("outside the default band" in fact for fact in log.facts) == (not given)
+    assert len({mesh.what for mesh in meshes}) == len(meshes)
 
 
 def test_the_widest_bar_of_the_band_and_its_largest_part_are_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ from pipeline.case.schema import known_keys, of_any_element
 from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.paths import ROOT, STUDIES
-from pipeline.questions.search import SearchResult
+from pipeline.questions.search import Search, SearchResult
 from pipeline.search import fidelity, optimiser
 from pipeline.search.fidelity import (
     COLUMN,
@@ -35,7 +35,7 @@ from pipeline.search.fidelity import (
 )
 from pipeline.search.optimiser import Settings, front
 from pipeline.search.space import searchable_keys, word_keys
-from pipeline.search.terms import FoundDesign, Limits, mass_kg
+from pipeline.search.terms import FoundDesign, Limits, Range, mass_kg
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.searching import parse_vary, read_space
 
@@ -641,3 +641,11 @@ def test_columns_are_for_spaces_whose_every_end_leaves_room_about_the_feet() -> 
         ([], ["pillar.side_mm=1.5:3.95"], True),
     ):
         assert optimiser._have_columns(read_space(CASE, fixed, varied)) == target, (fixed, varied)
+
+
+def test_a_window_and_a_lowest_frequency_exclude_each_other() -> None:
+    case = load_case(CASE)
+    vary = (Range.read("pillar.height_mm=5:7"),)
+    with pytest.raises(InputError, match=r"--min-frequency: must not be given with --target"):
+        Search(vary=vary, target_kHz=(33.0, 36.0), min_frequency_kHz=35.5).check(case)
+    Search(vary=vary, target_kHz=(33.0, 36.0)).check(case)
