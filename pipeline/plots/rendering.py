@@ -369,6 +369,7 @@ def _dimensions(design: DesignRecord, geometry: Any) -> str:
         if pillar.faces == 2:
             words.append("on both faces")
         words += design.section_texts
+    words += [support.text for support in design.supports]
     if geometry:
         words.append(f"{figure_text(geometry.mass_kg / GRAM)} g")
     return "; ".join(words)

@@ -116,6 +116,24 @@ class PillarRecord(Open):
         return self.height_m + sum(section.height_m for section in self.upper)
 
 
+class SupportRecord(Part):
+    """What holds a plate along an edge, x-, x+, y- or y+, or on a disc of its back face."""
+
+    kind: str
+    edge: str = ""
+    at_m: tuple[float, float] = (0.0, 0.0)
+    radius_m: float = 0.0
+
+    @property
+    def text(self) -> str:
+        """Kind and place."""
+        x, y = (place / MM for place in self.at_m)
+        where = (
+            f"edge {self.edge}" if self.edge else f"a disc {2.0 * self.radius_m / MM:g} mm wide at ({x:g}, {y:g}) mm"
+        )
+        return f"{self.kind} on {where}"
+
+
 class DesignRecord(Part):
     """Design data for tables and pictures; pillar_centres_m: (x, y) from the plate's centre, row by row along y.
 
@@ -146,6 +164,7 @@ class DesignRecord(Part):
     others_m: list[tuple[float, float]] = []
     rims_m: list[tuple[float, float, float, float]] = []
     oblique_m: tuple[tuple[float, float], tuple[float, float]] | None = None
+    supports: list[SupportRecord] = []
 
     @property
     def ends_m(self) -> tuple[float, float, float, float]:
@@ -178,6 +197,7 @@ class DesignRecord(Part):
         if design.outline:
             own["rims_m"] = design.outline.touch.segments.reshape(-1, 4).round(DRAWN).tolist()
         own["others_m"] = [*design.others_m]
+        own["supports"] = [SupportRecord.of(support) for support in design.supports]
         own["zone_centres_m"] = design.zone_centres_m.tolist() if design.zones > 1 else []
         return cls.of(design, pillar=shape, pillar_centres_m=design.pillar_centres().tolist(), **own)
 

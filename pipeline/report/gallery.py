@@ -61,6 +61,7 @@ LETTER = 0.55  # of a letter's height: its mean width
 WIDE = 150.0  # mm of plate drawn 1:1; other plates are scaled so that text stays readable
 PLATE = 'fill="#f3f6f8" stroke="#55606b" stroke-width=".4"'  # without a style sheet
 ZONE, PILLARS = 'fill="#009e73" fill-opacity=".22"', 'fill="#0072b2"'
+SUPPORT, YIELDS = 'fill="none" stroke="#1b1f23" stroke-width="1"', ' stroke-dasharray="1.2 1.2"'
 
 
 @dataclass(frozen=True)
@@ -256,6 +257,7 @@ def sketch(design: DesignRecord) -> Markup:
         f"{_plate(design, x0, y0, length, breadth)}"
         f"{zones}"
         f'<path class="pillars" {PILLARS} d="{pillars}"/>'
+        f"{_supports(design)}"
         f'<g font-size="{letters:.2f}" text-anchor="middle">'
         f'<text x="{x:.2f}" y="{y + letters / 3:.2f}">{named}</text>'
         f'<text x="{x0 + length / 2:.2f}" y="{y0 + breadth + 1.6 * letters:.2f}">{words}</text></g></svg>'
@@ -269,6 +271,22 @@ def _plate(design: DesignRecord, x0: float, y0: float, length: float, breadth: f
     sides = (tuple(place / MM for place in side) for side in design.rims_m)
     path = " ".join(f"M{x:.2f} {-y:.2f}L{end:.2f} {-top:.2f}" for x, y, end, top in sides)
     return f'<path class="plate" {PLATE} d="{path}"/>'
+
+
+def _supports(design: DesignRecord) -> str:
+    """The supports in a sketch: thick edges and circles, dashed where they yield."""
+    x0, x1, low, high = (end / MM for end in design.ends_m)
+    edges = {"x-": (x0, x0, low, high), "x+": (x1, x1, low, high), "y-": (x0, x1, low, low), "y+": (x0, x1, high, high)}
+    drawn = []
+    for support in design.supports:
+        look = f'class="support" {SUPPORT}{YIELDS if support.kind in ("foam", "spring") else ""}'
+        if support.edge:
+            start, end, lower, upper = edges[support.edge]
+            drawn.append(f'<path {look} d="M{start:.2f} {-lower:.2f}L{end:.2f} {-upper:.2f}"/>')
+        else:
+            x, y, radius = (size / MM for size in (*support.at_m, support.radius_m))
+            drawn.append(f'<circle {look} cx="{x:.2f}" cy="{-y:.2f}" r="{radius:.2f}"/>')
+    return "".join(drawn)
 
 
 def _draw_line(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.patches import Circle
 
 from geometry.decimation import with_sides
 from pipeline.case.model import case_from_dict, load_case
@@ -306,6 +307,31 @@ def test_a_plate_of_a_file_is_drawn_by_its_rims_in_its_own_place(tmp_path: Path)
     sketch = gallery.sketch(design)
     assert 'viewBox="' in sketch and '<path class="plate"' in sketch and "30 × 20 × 1 mm" in sketch
     assert "rows" not in rendering._dimensions(design, None)
+
+
+def test_supports_are_stored_drawn_and_named() -> None:
+    """On the map, a sketch and in words: a clamp is a whole line on its edge, what yields a broken one, a disc a circle."""
+    held = 'support=[{kind="clamp", edge="x-"}, {kind="mass", at_mm=[9, -11.5], radius_mm=1.5, mass_g=1}]'
+    design, yielding = (
+        DesignRecord.of_design(load_case(ROOT / "examples" / "29-held-plate.toml", more).design)
+        for more in ([held], [])
+    )
+    _, axes = style.panels(3.0)
+    before = len(axes.lines)
+    fields.draw_outlines(axes, replaced := design.model_copy(update={"supports": []}))
+    plain = len(axes.lines) - before
+    fields.draw_outlines(axes, design)
+    edge = axes.lines[-1]
+    assert len(axes.lines) == 2 * plain + 1 and edge.get_linestyle() == "-"
+    assert set(edge.get_xdata()) == {-16.0} and sorted(edge.get_ydata()) == pytest.approx([-14.0, 14.0])
+    (disc,) = (patch for patch in axes.patches if isinstance(patch, Circle))
+    assert disc.center == pytest.approx((9.0, -11.5)) and disc.radius == pytest.approx(1.5) and disc.get_fill()
+    assert "clamp on edge x-; mass on a disc 3 mm wide at (9, -11.5) mm" in rendering._dimensions(design, None)
+    sketch, soft = gallery.sketch(design), gallery.sketch(yielding)
+    assert 'd="M-16.00 14.00L-16.00 -14.00"' in sketch and 'cx="9.00" cy="11.50" r="1.50"' in sketch
+    assert "support" not in gallery.sketch(replaced) and "dasharray" not in sketch and "dasharray" in soft
+    fields.draw_outlines(axes, yielding)
+    assert axes.lines[-1].get_linestyle() == ":"
 
 
 @pytest.mark.parametrize(
