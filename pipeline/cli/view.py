@@ -34,7 +34,8 @@ DRAWN = 0.4  # largest displacement as first drawn, relative to the pillars' hei
 PERIOD_MS, FRAME_MS = 1600, 40
 KEYS = "space plays and pauses, n shows the next shape, up and down change the amplitude"
 PICTURES, SIZE, STEPS = (".png", ".gif"), (800, 400), 16  # file endings, pixels, and frames per period
-ZOOM, COLOURS = 1.45, 64  # of a drawn plate; in a .gif
+TOWARDS, AROUND = (1.0, -1.6, 1.3), 1.08  # from the body to the eye; half a picture over half of the body drawn
+COLOURS = 64  # in a .gif
 SCALE = {"title": "u_z / largest", "n_labels": 3, "fmt": "%g", "width": 0.3, "position_x": 0.66, "position_y": 0.02}
 NO_DISPLAY_HINT = "`antinode report STUDY` writes a page with animated shapes for a browser"
 
@@ -300,10 +301,29 @@ def _staged(scene: Scene, **window: Any) -> tuple[Any, _Motion | None]:
         plotter.add_mesh(mesh, color=rendering.PLAIN_COLOUR, show_edges=False)
     plotter.add_axes()  # type: ignore[call-arg]
     plotter.enable_parallel_projection()  # type: ignore[call-arg]
-    plotter.view_vector((1.0, -1.6, 1.3), viewup=(0, 0, 1))  # type: ignore[arg-type]
+    plotter.view_vector(TOWARDS, viewup=(0, 0, 1))  # type: ignore[arg-type]
     if window:
-        plotter.camera.zoom(ZOOM)
+        _fit(plotter.camera, scene)
     return plotter, motion
+
+
+def _fit(camera: Any, scene: Scene) -> None:
+    """Centre a drawn body, at rest and in its largest motions, in the picture, and fill it."""
+    reach = [
+        sign * scene.reach * shape / max(float(np.abs(shape).max()), 1e-300)
+        for _, shape in scene.shapes[:1]
+        for sign in (-1, 1)
+    ]
+    places = np.concatenate([scene.points + each for each in (0.0, *reach)])
+    right = np.cross((0.0, 0.0, 1.0), TOWARDS)
+    axes = np.array([right, np.cross(TOWARDS, right), TOWARDS])
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    low, high = (end(places @ axes.T, axis=0) for end in (np.min, np.max))
+    middle = (low + high) / 2.0 @ axes
+    camera.position = tuple(middle + np.array(camera.position) - np.array(camera.focal_point))
+    camera.focal_point = tuple(middle)
+    across, up, _ = (high - low) / 2.0
+    camera.parallel_scale = AROUND * max(up, across * SIZE[1] / SIZE[0])
 
 
 class _Motion:
