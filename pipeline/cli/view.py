@@ -309,12 +309,8 @@ def _staged(scene: Scene, **window: Any) -> tuple[Any, _Motion | None]:
 
 def _fit(camera: Any, scene: Scene) -> None:
     """Centre a drawn body, at rest and in its largest motions, in the picture, and fill it."""
-    reach = [
-        sign * scene.reach * shape / max(float(np.abs(shape).max()), 1e-300)
-        for _, shape in scene.shapes[:1]
-        for sign in (-1, 1)
-    ]
-    places = np.concatenate([scene.points + each for each in (0.0, *reach)])
+    moved = [scene.reach * shape / max(float(np.abs(shape).max()), 1e-300) for _, shape in scene.shapes[:1]]
+    places = np.concatenate([scene.points, *(scene.points + sign * each for each in moved for sign in (-1.0, 1.0))])
     right = np.cross((0.0, 0.0, 1.0), TOWARDS)
     axes = np.array([right, np.cross(TOWARDS, right), TOWARDS])
     axes /= np.linalg.norm(axes, axis=1)[:, None]
