@@ -35,7 +35,7 @@ HEAP = {ARENA_MAX: 1, TRIM_THRESHOLD: 2**26, MMAP_THRESHOLD: 2**23}
 # rslab has a heap of its own, mimalloc's, read when it is loaded: pages that it gave back after its own 10 ms and zeroed again
 # for the next factor cost an eighth of a forced response; kept for ever, they add a fifth to the memory of a large cell. So
 # they wait for that many ms: the next factor comes sooner, the next step of the work later.
-OWN_HEAP = "MIMALLOC_PURGE_DELAY", "200"
+OWN_HEAP = "MIMALLOC_PURGE_DELAY", "1000"
 
 
 def _set_heap() -> None:

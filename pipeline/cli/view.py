@@ -36,6 +36,7 @@ KEYS = "space plays and pauses, n shows the next shape, up and down change the a
 PICTURES, SIZE, STEPS = (".png", ".gif"), (800, 400), 16  # file endings, pixels, and frames per period
 TOWARDS, AROUND = (1.0, -1.6, 1.3), 1.08  # from the body to the eye; half a picture over half of the body drawn
 COLOURS = 64  # in a .gif
+BAR = 0.14  # of a picture's height: the scale of colours
 SCALE = {"title": "u_z / largest", "n_labels": 3, "fmt": "%g", "width": 0.3, "position_x": 0.66, "position_y": 0.02}
 NO_DISPLAY_HINT = "`antinode report STUDY` writes a page with animated shapes for a browser"
 
@@ -315,11 +316,12 @@ def _fit(camera: Any, scene: Scene) -> None:
     axes = np.array([right, np.cross(TOWARDS, right), TOWARDS])
     axes /= np.linalg.norm(axes, axis=1)[:, None]
     low, high = (end(places @ axes.T, axis=0) for end in (np.min, np.max))
-    middle = (low + high) / 2.0 @ axes
+    across, up, _ = (high - low) / 2.0
+    bar = BAR if scene.shapes else 0.0  # at the lower end: the body is drawn above it
+    camera.parallel_scale = AROUND * max(up / (1.0 - bar), across * SIZE[1] / SIZE[0])
+    middle = ((low + high) / 2.0 - [0.0, bar * camera.parallel_scale, 0.0]) @ axes
     camera.position = tuple(middle + np.array(camera.position) - np.array(camera.focal_point))
     camera.focal_point = tuple(middle)
-    across, up, _ = (high - low) / 2.0
-    camera.parallel_scale = AROUND * max(up, across * SIZE[1] / SIZE[0])
 
 
 class _Motion:

@@ -148,7 +148,7 @@ def test_a_worker_of_a_batch_has_the_threads_that_it_was_given(monkeypatch: pyte
 def test_rslabs_heap_is_set_before_it_is_loaded_unless_the_user_has_set_it() -> None:
     """Its allocator reads the environment once, when the library is loaded."""
     code = "import os, sys, solvers.fem.factor; print(os.environ['MIMALLOC_PURGE_DELAY'], 'rslab' in sys.modules)"
-    for given, expected in ((None, "200 False"), ("7", "7 False")):
+    for given, expected in ((None, "1000 False"), ("7", "7 False")):
         own = {key: value for key, value in os.environ.items() if key != "MIMALLOC_PURGE_DELAY"}
         own |= {} if given is None else {"MIMALLOC_PURGE_DELAY": given}
         run = subprocess.run([sys.executable, "-c", code], env=own, capture_output=True, text=True, check=True)
