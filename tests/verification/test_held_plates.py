@@ -25,6 +25,7 @@ from solvers.fem.factor import Factoriser
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import SAME_M
 from studies.independent import bonded_solid
+from tests.helpers.whole_solid import edge_gram
 from tests.verification import test_finger_on_a_solid as fingers
 
 CLAMPS = [{"kind": "clamp", "edge": "x-"}, {"kind": "clamp", "edge": "x+"}]
@@ -67,29 +68,16 @@ ON_FOAM: dict[str, Any] = {
 }  # fmt: skip
 
 
-def gram(places: FloatArray, order: int) -> FloatArray:
-    """Integrals of products of the shape functions of elements along a line, whose nodes are given."""
-    total, (s, weight) = np.zeros((len(places),) * 2), np.polynomial.legendre.leggauss(order + 1)
-    for first in range(0, len(places) - 1, order):
-        own = places[first : first + order + 1]
-        half = (own[-1] - own[0]) / 2.0
-        shapes = np.linalg.solve(np.vander(own / half).T, np.vander(own[0] / half + 1.0 + s, order + 1).T)
-        total[first : first + order + 1, first : first + order + 1] += (shapes * half * weight) @ shapes.T
-    return total
-
-
 def on_foam_hz(case: Case, symmetry: str, band_hz: tuple[float, float], layers: int) -> FloatArray:
     """Modes of a class of the quarter, whose edge face y+ has springs along z spread over it."""
     design, order = case.design, 3
     assert design.pillar is not None
     mesh = hex_mesh(boxes_of(plate_scene(design, HexSettings(order, 4e-3, layers, 0.25), quarter=True)), order)
     pencil = SolidModel(mesh, {"plate": design.material, "pillar": design.pillar.material}, (), True).pencil(symmetry)
-    face = mesh.nodes_of("y+")
-    face = face[np.lexsort(mesh.nodes[face][:, [2, 0]].T)]
-    x, z = (np.unique(np.round(mesh.nodes[face, axis], 10)) for axis in (0, 2))
+    face, product = edge_gram(mesh, "y+", order)
     unit = design.thickness_m * pencil.scale.young_pa * pencil.scale.length_m
     free, number = pencil.free[face, 2], np.cumsum(pencil.free.ravel()) - 1
-    springs = np.kron(gram(x, order), gram(z, order))[np.ix_(free, free)] * design.supports[0].bedding_n_m2 / unit
+    springs = product[np.ix_(free, free)] * design.supports[0].bedding_n_m2 / unit
     added, at = sp.coo_array(springs), number[3 * face[free] + 2]
     held = sp.csc_array((added.data, (at[added.row], at[added.col])), shape=pencil.stiffness.shape) + pencil.stiffness
     return modes_in_band(replace(pencil, stiffness=sp.csc_array(held)), *band_hz).frequency_hz

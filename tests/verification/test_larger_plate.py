@@ -31,7 +31,7 @@ from solvers.analytic.beams import free_free_mode, roots, zone_mode
 from solvers.analytic.plates import Strip, kirchhoff_mode, levy_hz, mindlin_mode, mindlin_wave_hz, thin_plate_hz
 from solvers.measures.confinement import measure, target_shape
 from solvers.measures.correlation import weigh
-from tests.helpers.whole_solid import check_within_both_bars
+from tests.helpers.whole_solid import check_pairwise, check_within_both_bars, solid_on_foam
 from tests.verification.test_zone_edges import AREAS, joined, some
 
 RAW: dict[str, Any] = {
@@ -47,6 +47,15 @@ SMALL = {  # that the whole solid is quickly solved
     **RAW,
     "plate": {"thickness_mm": 1.5, "length_mm": 22.0, "width_mm": 18.0},
     "zone": {"length_mm": 8.0, "width_mm": 6.0, "nodal_lines": 1, "centre_mm": [1.5, -1.0]},
+}
+DISPLAY: dict[str, Any] = {  # as studies/large-display.toml, small enough for the whole solid
+    "material": "glass",
+    "plate": {"thickness_mm": 0.7, "length_mm": 22.0, "width_mm": 18.0},
+    "zone": {"length_mm": 8.0, "width_mm": 4.0, "nodal_lines": 1, "centre_mm": [1.0, -0.6]},
+    "pillar": {"material": "aluminium", "shape": "square", "side_mm": 1.0, "height_mm": 2.0},
+    "array": {"pitch_mm": 2.4, "rows": 2, "surround": True},
+    "solve": {"accuracy": 0.02},
+    "support": [{"kind": "foam", "edge": "y-", "stiffness_N_per_m2": 3e6}],
 }
 STRIP = Strip(0.06, 0.015, Stack.of(0.7e-3, MATERIALS["glass"]), 2)
 
@@ -264,6 +273,21 @@ def test_tetrahedra_of_the_cad_have_the_same_modes() -> None:
     for one, other in zip(ours, theirs, strict=True):
         assert one.error is not None and other.error is not None
         assert one.frequency_hz == pytest.approx(other.frequency_hz, rel=one.error + other.error)
+
+
+@pytest.mark.slow
+def test_a_display_on_foam_has_the_modes_of_the_whole_solid(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Glass, two rows of aluminium on four sides, a zone off the middle, and one edge on foam, which lifts two rigid motions
+    into the band; the others are not those of the plate without it.
+    """
+    query, case = Request("plate", band_hz=(1e3, 3e4), search=False), case_from_dict(DISPLAY)
+    ours, free = (solve_modes(each, query, TerminalLog(True)) for each in (case, case.but({"support": []})))
+    theirs = solid_on_foam(case.but({"solve.accuracy": 0.05}), query, ours.rigid_count, monkeypatch)
+    check_pairwise(ours.rows, theirs.rows)
+    assert len(case.design.pillar_centres()) == 28 and (ours.rigid_count, free.rigid_count) == (4, 6)
+    assert len(ours.rows) == len(free.rows) + 2
+    with pytest.raises(AssertionError):
+        check_pairwise(ours.rows[2:], free.rows)
 
 
 @pytest.mark.slow
