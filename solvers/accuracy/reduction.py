@@ -243,13 +243,15 @@ def mode_errors(
     value = energy(vectors, images[0])
     held = isinstance(plate, AssembledPlate) and bool(plate.holds)
     along = by_degrees(pencil, vectors, last_degree(plate), images, held)
+    short = by_modes(plate, value, vectors)
     if isinstance(plate, AssembledPlate):
         along = along + rise(plate, value, np.real(vectors))
+        short = short + plate.missed_beneath(np.real(vectors), value)
     if all(cell.further for cell in plate.cells):
         through = _by_further(plate, value, vectors)
     else:
         through = EDGE_LAYER * by_degrees(pencil, vectors, _dofs(plate, last_layer), images, held)
-    return ModeErrors(by_modes(plate, value, vectors), along, through, *by_mesh(plate, value, vectors, rims))
+    return ModeErrors(short, along, through, *by_mesh(plate, value, vectors, rims))
 
 
 def by_degrees(

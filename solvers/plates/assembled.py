@@ -278,7 +278,7 @@ class PlateModel:
             plate = AssembledPlate(self.tiling, self.cells, name, grid)
             others = [each for each in self._assembled_plates.values() if each.grid is plate.grid]
             plate.holds = others[0].holds if others else holds_of(plate, self.reductions)  # of one numbering
-            plate.stress = self._stress
+            plate.stress, plate.stack = self._stress, self.reductions.stack
             self._assembled_plates[name] = plate
         return self._assembled_plates[name]
 

@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
+from geometry.materials import Stack
 from geometry.tiling import DIGITS, Signature, Tiling, signature
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
@@ -58,6 +59,7 @@ class AssembledPlate:
         self._number, self._sign = number[whole], sign
         self.placed_cells = [self._place(i, j, number[whole], sign) for i, j in self.grid.representative_cells()]
         self.holds: Sequence[Hold] = ()  # discs of the back face
+        self.stack: Stack | None = None  # layers, where supports on discs are to have error bars
         # thermal stress: size of each field in each placed cell, (cells, 9), scaled
         self.stress: FloatArray | None = None
 
@@ -105,6 +107,23 @@ class AssembledPlate:
             own = self._placed(hold) @ vectors
             total += hold.count * hold.missed * np.abs(np.einsum("ik,ik->k", own, hold.layer @ own))
         return np.asarray(total / (2.0 * eigenvalue))
+
+    def missed_beneath(self, vectors: FloatArray, eigenvalue: FloatArray) -> FloatArray:
+        """Relative error of frequencies, (k,), by what the panels lack of the dip beneath springs and masses on discs.
+
+        A thin plate's waves shorter than those of w yield 1 / (4 pi sqrt(D m) w) to a force, a disc dents it by 1 / (2 E r).
+        """
+        discs = [each for each in self.actions if not each.support.edge]
+        total, kept_hz = np.zeros_like(eigenvalue), min(cell.dropped_hz for cell in self.cells)
+        if self.stack is None or not discs:
+            return total
+        bending, surface = float(self.stack.bending_n_m.diagonal()[:2].min()), self.stack.mass_kg_m2
+        waves = 1.0 / (8.0 * np.pi**2 * np.sqrt(bending * surface) * kept_hz)
+        for disc in discs:
+            dent = 0.5 / self.stack.back.average.young_pa / disc.support.radius_m
+            motion = disc.rows[2] @ vectors
+            total += (waves + dent) * disc.force(self.scale, eigenvalue) ** 2 * (disc.weights @ motion**2)
+        return np.asarray(total * self.scale.young_pa * self.scale.length_m / (2.0 * eigenvalue))
 
     def missed_of_stress(self, vectors: FloatArray, eigenvalue: FloatArray) -> FloatArray:
         """Relative error of frequencies, (k,), by thermal stress: what its slopes in the panels change, because there it need

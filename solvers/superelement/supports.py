@@ -55,6 +55,11 @@ class Action:
         """Scaled mass along all axes, (dof, dof)."""
         return sp.csc_array(self.support.mass_kg / scale.mass_kg * sum(self.gram(axis) for axis in range(3)))
 
+    def force(self, scale: Scale, eigenvalue: FloatArray) -> FloatArray:
+        """Scaled force along z over the motion at scaled eigenvalues l, k - l m, (n,)."""
+        stiffness = self.support.stiffness_of(self.length_m) / (scale.young_pa * scale.length_m)
+        return np.asarray(stiffness - eigenvalue * self.support.mass_kg / scale.mass_kg)
+
     def damping(self, scale: Scale, vectors: FloatArray) -> FloatArray:
         """Scaled damping between motions (dof, k) along z, (k, k): i w C next to K - w2 M, w and C scaled, too."""
         moved = self.rows[2] @ vectors

@@ -286,6 +286,24 @@ def test_a_mass_off_the_middle_of_a_simply_supported_plate_is_navier_s_series() 
 
 
 @pytest.mark.slow
+def test_a_mass_on_a_small_disc_dips_a_plate_more_than_wide_panels_do() -> None:
+    """Waves shorter than the panels' own are missing beneath it; a plate of narrow panels with more modes shows them."""
+    disc = Support("mass", at_m=(9e-3, 5e-3), radius_m=0.5e-3, mass_kg=0.5e-3)
+    design = bare_design([*(Support("simple", edge) for edge in EDGES), disc], THIN)
+
+    def found(face: Interface, top_hz: float, panel_m: float) -> tuple[FloatArray, FloatArray, int]:
+        reduction = ReductionSettings(face, top_hz, HexSettings(3, 2e-3, 0), panel_m, None, 1)
+        return solved(PlateModel(design, Reductions(design.stack, None, reduction)), 100.0, 2.1e3)
+
+    (tones, bars, _), (fine, own, _) = (
+        found(Interface(along, 2, ()), top_hz, panel_m) for along, top_hz, panel_m in ((5, 1e5, 10e-3), (7, 4e5, 4e-3))
+    )
+    errors = tones / fine - 1.0
+    assert len(errors) == 3 and (errors > 3e-4).all()
+    assert (errors <= bars + own).all() and (own < errors).all()
+
+
+@pytest.mark.slow
 def test_a_clamped_plate_lies_within_its_bars_of_the_whole_solid() -> None:
     """Tied nodes on elements graded to the edges, whose own error is below 1e-3: an order and a layer less change 4e-4."""
     query = Request("plate", band_hz=(1e3, 6e4), search=False)
