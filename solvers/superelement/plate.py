@@ -111,17 +111,21 @@ class AssembledPlate:
     def missed_beneath(self, vectors: FloatArray, eigenvalue: FloatArray) -> FloatArray:
         """Relative error of frequencies, (k,), by what the panels lack of the dip beneath springs and masses on discs.
 
-        A thin plate's waves shorter than those of w yield 1 / (4 pi sqrt(D m) w) to a force, a disc dents it by 1 / (2 E r).
+        A thin plate's waves shorter than those of w, of wavenumber q, yield 1 / (4 pi sqrt(D m) w) to a force, and at most
+        8 / pi (q r)^3 of it to one spread over a disc, by its mean of such a wave. The disc dents the plate by 1 / (2 E r), or
+        squeezes it by h / (pi E r^2) where it is wide.
         """
         discs = [each for each in self.actions if not each.support.edge]
         total, kept_hz = np.zeros_like(eigenvalue), min(cell.dropped_hz for cell in self.cells)
         if self.stack is None or not discs:
             return total
         bending, surface = float(self.stack.bending_n_m.diagonal()[:2].min()), self.stack.mass_kg_m2
-        waves = 1.0 / (8.0 * np.pi**2 * np.sqrt(bending * surface) * kept_hz)
+        angular, young_pa = 2.0 * np.pi * kept_hz, self.stack.back.average.young_pa
         for disc in discs:
-            dent = 0.5 / self.stack.back.average.young_pa / disc.support.radius_m
-            motion = disc.rows[2] @ vectors
+            radius, motion = disc.support.radius_m, disc.rows[2] @ vectors
+            across = np.sqrt(angular * np.sqrt(surface / bending)) * radius
+            waves = min(1.0, 8.0 / np.pi / across**3) / (4.0 * np.pi * np.sqrt(bending * surface) * angular)
+            dent = min(0.5, self.stack.thickness_m / np.pi / radius) / (young_pa * radius)
             total += (waves + dent) * disc.force(self.scale, eigenvalue) ** 2 * (disc.weights @ motion**2)
         return np.asarray(total * self.scale.young_pa * self.scale.length_m / (2.0 * eigenvalue))
 
