@@ -479,7 +479,7 @@ PARTS = {
     "soft_cells": Part(partial(of_cell_command, "cell, soft pillar"), 8, soft),
     "pillars": Part(partial(of_part, "pillar"), 12),
     "slender_pillars": Part(partial(of_part, "pillar", name="slender pillar"), 8, slender),
-    "sectioned_pillars": Part(partial(of_part, "pillar", name="pillar, sections"), 4, stacked),
+    "sectioned_pillars": Part(partial(of_part, "pillar", name="pillar, sections"), 3, stacked),
     "pillars_of_tetrahedra": Part(partial(of_part, "pillar", mesh="tet", name="pillar by tetrahedra"), 5),
     "zones": Part(partial(of_part, "zone"), 12),
     "zones_of_tetrahedra": Part(partial(of_part, "zone", mesh="tet", name="zone by tetrahedra"), 2),

@@ -8,6 +8,8 @@ import signal
 import time
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -63,18 +65,31 @@ def no_study_is_remembered(tmp_path_factory: pytest.TempPathFactory) -> Iterator
         yield
 
 
-@pytest.fixture(scope="module")
-def coarsest_cells(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Plates and cells on the fewest elements, for modules whose assertions hold on any mesh.
-
-    Designs that a search evaluated on them are kept for no later search.
-    """
+@contextmanager
+def _coarsest(folder: Path) -> Iterator[None]:
     from pipeline.search.fidelity import EvaluationCache
     from tests.helpers import coarse_cells
 
     with pytest.MonkeyPatch.context() as patch:
         coarse_cells.mesh_coarsest(patch)
-        patch.setattr(EvaluationCache.__init__, "__defaults__", (tmp_path_factory.mktemp("evaluations"),))
+        patch.setattr(EvaluationCache.__init__, "__defaults__", (folder,))
+        yield
+
+
+@pytest.fixture(scope="module")
+def coarsest_cells(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Plates and cells on the fewest elements, for the rest of a module whose assertions hold on any mesh.
+
+    Designs that a search evaluated on them are kept for no later search.
+    """
+    with _coarsest(tmp_path_factory.mktemp("evaluations")):
+        yield
+
+
+@pytest.fixture
+def coarsest_here(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The same for one test of a module whose others need error bars, which the fewest elements have not."""
+    with _coarsest(tmp_path_factory.mktemp("evaluations")):
         yield
 
 

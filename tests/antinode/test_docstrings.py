@@ -68,7 +68,7 @@ def small_model(tmp_path_factory: pytest.TempPathFactory) -> CellModel:
 @pytest.mark.slow
 @pytest.mark.parametrize("module", HOMES)
 @pytest.mark.filterwarnings("ignore::antinode.AntinodeWarning")
-def test_quick_examples_hold_on_coarse_plates(module: str, coarsest_cells: None, examples_alone: None) -> None:
+def test_quick_examples_hold_on_coarse_plates(module: str, coarsest_here: None, examples_alone: None) -> None:
     done = outcome(module, slow=False)
     assert done.attempted and not done.failed
 

@@ -50,7 +50,7 @@ def cell_outputs(sources: list[str]) -> Iterator[Any]:
 @pytest.mark.parametrize("place", NOTEBOOKS, ids=lambda place: place.stem)
 @pytest.mark.filterwarnings("ignore::antinode.AntinodeWarning")
 def test_a_notebook_answers_on_coarse_plates(
-    place: Path, coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    place: Path, coarsest_here: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)

@@ -123,7 +123,7 @@ def test_every_command_of_a_tutorial_is_one_that_there_is(page: Path) -> None:
 
 @pytest.mark.slow
 def test_the_first_page_answers_on_coarse_plates(
-    coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    coarsest_here: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its commands in this process, one after the other in one folder; `make test-all` runs every page as a reader does."""
     monkeypatch.chdir(tmp_path)
@@ -138,7 +138,7 @@ def test_the_first_page_answers_on_coarse_plates(
     [pytest.param(s, id=s.stem, marks=[] if s.stem in QUICK else [pytest.mark.slow]) for s in SCRIPTS],
 )
 def test_an_example_answers_on_a_coarse_plate(
-    script: Path, coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+    script: Path, coarsest_here: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(script), run_name="__main__")

@@ -39,7 +39,7 @@ def drift_of(own: Case, **options: Any) -> DriftResult:
 
 
 @pytest.mark.slow
-def test_a_plate_of_one_material_scales_as_it_is_solved_warm(coarsest_cells: None) -> None:
+def test_a_plate_of_one_material_scales_as_it_is_solved_warm(coarsest_here: None) -> None:
     found = drift_of(case(PLATE, PLATE), around_K=40.0, points=3)
     warm = case(PLATE, PLATE, "solve.temperature_C=60")
     row = solve_modes(warm, of_case(warm), LOG).target_row
@@ -56,7 +56,7 @@ def test_moduli_over_frequency_do_not_scale() -> None:
 
 
 @pytest.mark.slow
-def test_two_materials_drift_by_where_the_energy_sits(coarsest_cells: None) -> None:
+def test_two_materials_drift_by_where_the_energy_sits(coarsest_here: None) -> None:
     """The sum over materials of coefficient times strain energy is 1/Q of loss factors as large: f'/f is half of it."""
     found = drift_of(case(PLATE, PILLAR), around_K=5.0, points=3)
     lossy = [table | {"loss_factor": -table["dE_dT_per_K"] - table["expansion_per_K"]} for table in (PLATE, PILLAR)]
@@ -105,7 +105,7 @@ def test_a_finer_plate_drifts_within_the_bars() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_not_known_is_said(coarsest_cells: None) -> None:
+def test_what_is_not_known_is_said(coarsest_here: None) -> None:
     bare = {key: PLATE[key] for key in ("young_GPa", "poisson", "density_kg_m3")}
     with pytest.raises(InputError, match="drift needs dE_dT_per_K or expansion_per_K of one of them"):
         drift_of(case(bare, bare))

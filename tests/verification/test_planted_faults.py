@@ -188,6 +188,7 @@ def test_every_proof_kills_a_fault_and_every_fault_is_killed() -> None:
     }
 
 
+@pytest.mark.slow
 def test_the_count_itself_sees_a_mode_that_lanczos_loses(monkeypatch: pytest.MonkeyPatch) -> None:
     forgetful_lanczos(monkeypatch)
     with pytest.raises(CountMismatch, match="but the inertia count is"):

@@ -317,7 +317,7 @@ def test_layers_whose_expansion_is_not_known_are_refused_in_one_line() -> None:
 
 
 @pytest.mark.slow
-def test_a_held_plate_drifts_by_its_stress(coarsest_cells: None) -> None:
+def test_a_held_plate_drifts_by_its_stress(coarsest_here: None) -> None:
     """Its material alone would let it grow stiffer by 2e-5 a kelvin, as edges grow: clamped sides take ten times as much."""
     sides = [{"kind": "clamp", "edge": edge} for edge in ("y-", "y+")]
     zone = {"length_mm": 60.0, "width_mm": 4.0, "nodal_lines": 4}

@@ -78,6 +78,7 @@ def test_the_zone_ends_at_its_border_for_every_shape(shape: str) -> None:
     check(model.touch("SS", some(model.assembled("SS").dof)), design, "SS")
 
 
+@pytest.mark.slow
 def test_a_column_s_zone_ends_at_its_border() -> None:
     """What search and explorer rank designs by."""
     column = Column(DESIGN, Reductions(Stack.of(DESIGN.thickness_m, ALUMINIUM), ROUND, COARSE), pi / 5e-3)

@@ -341,7 +341,8 @@ def test_sign_of_a_tables_gain(gain: complex, sensor: str, real: float) -> None:
     assert plant_of(mode, True, sensor).gain == pytest.approx(real)
 
 
-@pytest.mark.parametrize("displacement", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("displacement", [True, False])
 def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: Path, capsys) -> None:
     """Frequency, time constant, complex gain and delay of a plate that the table guessed wrongly."""
     truth = ModePlant.from_quality_factor(31_437.3, 260.0, 0.6)

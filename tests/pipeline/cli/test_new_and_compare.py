@@ -362,7 +362,7 @@ def test_a_table_on_standard_output_is_alone(
 
 
 @pytest.mark.slow
-def test_partial_gaps_are_printed_when_asked_for(coarsest_cells: None, capsys: pytest.CaptureFixture[str]) -> None:
+def test_partial_gaps_are_printed_when_asked_for(coarsest_here: None, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["bands", SMALL, "--set", "solve.accuracy=0.1", "--set", "bands.points=4"]
     assert main(words) == 0 and " only: " not in capsys.readouterr().out
     assert main([*words, "-v"]) == 0

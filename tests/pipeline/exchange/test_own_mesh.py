@@ -164,6 +164,7 @@ def gmsh41(mesh: Mesh) -> str:
     return "\n".join([*lines, "$EndElements", ""])
 
 
+@pytest.mark.slow
 def test_a_file_of_gmsh_4_is_read_with_its_physical_groups(case_file: str, tmp_path: Path) -> None:
     mesh = bar(2, "tet")
     (tmp_path / "bar.msh").write_text(gmsh41(mesh))

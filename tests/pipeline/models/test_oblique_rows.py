@@ -196,7 +196,7 @@ def test_shifted_rows_of_wide_pillars_have_oblique_cells_where_there_are_several
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarsest_cells")
+@pytest.mark.usefixtures("coarsest_here")
 def test_any_vectors_of_a_lattice_give_the_same_figures() -> None:
     figures = [
         ask(zoned(array), Broadband(band_kHz=(40.0, 50.0), points=2), Run(LOG)) for array in (OBLIQUE, SAME_ROWS)

@@ -53,6 +53,7 @@ def known(monkeypatch: pytest.MonkeyPatch, error: float) -> None:
     monkeypatch.setattr(driven_plate.calibration, "mixing", lambda: 0.0)
 
 
+@pytest.mark.slow
 def test_the_bar_grows_with_those_of_the_resonances_and_covers_each_that_moves(monkeypatch: pytest.MonkeyPatch) -> None:
     plate = forced()
     peak = peak_near(plate, highest_hz(plate, *BAND_HZ, 401))

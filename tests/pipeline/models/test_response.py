@@ -81,6 +81,7 @@ def test_the_highest_peak_is_the_curves_highest_point(document: dict) -> None:
     assert document["highest_peak"]["confinement_db"] == pytest.approx(20.0 * np.log10(ratio))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [{}, {"band_kHz": [75.0, 85.0]}])
 def test_a_default_band_is_extended_to_the_target_mode(given: dict, monkeypatch: pytest.MonkeyPatch) -> None:
     """Supports and narrow rims move the mode out of the band that theory gives; a band of the case stays as it is."""
@@ -130,6 +131,7 @@ def test_opening_the_patches_stiffens_the_target_mode(document: dict) -> None:
     assert circuit["coupling"] == pytest.approx(1.0 - (circuit["short_hz"] / circuit["open_hz"]) ** 2)
 
 
+@pytest.mark.slow
 def test_a_charge_drives_where_the_case_says_so(case: Path, document: dict, tmp_path: Path) -> None:
     file = tmp_path / "r.json"
     fed = ["--points", "101", "--set", 'patches.circuit="open"', "--json", str(file)]

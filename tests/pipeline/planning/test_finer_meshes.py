@@ -156,8 +156,9 @@ def test_a_mesh_that_cannot_be_had_leaves_what_the_one_before_it_gave(failing: i
     assert "refinement stopped: the mesh holds no more" in log.facts
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("two_levels")
-@pytest.mark.parametrize("part", ["pillar", pytest.param("zone", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("part", ["pillar", "zone"])
 def test_a_lone_part_that_misses_is_meshed_anew(part: str) -> None:
     request = Request(part, near_hz=30e3, count=2, search=False)
     kept, missed = (modes.solve_modes(case(accuracy), request, RecordingLog()) for accuracy in (0.1, 0.001))

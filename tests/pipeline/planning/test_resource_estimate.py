@@ -246,6 +246,7 @@ def test_waves_as_short_as_two_thicknesses_are_told(
     assert ("warning SHORT_WAVE" in capsys.readouterr().err) is short
 
 
+@pytest.mark.slow
 def test_a_soft_pillar_s_many_functions_are_told(
     monkeypatch: pytest.MonkeyPatch, sixteen_gib: None, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -86,7 +86,7 @@ def test_every_question_is_asked_here() -> None:
 )
 @pytest.mark.filterwarnings("ignore::antinode.AntinodeWarning")
 def test_command_frame_and_record_hold_one_table(
-    name: str, tmp_path: Path, coarsest_cells: None, monkeypatch: pytest.MonkeyPatch
+    name: str, tmp_path: Path, coarsest_here: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("pandas")
     monkeypatch.chdir(ROOT)

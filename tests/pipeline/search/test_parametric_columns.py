@@ -13,7 +13,7 @@ from pipeline.search.fidelity import COLUMN, SLACK, EvaluationCache, evaluate
 from tests.helpers.exploring import MESH, SMALL, small_explorer
 
 
-@pytest.mark.usefixtures("coarsest_cells")
+@pytest.mark.usefixtures("coarsest_here")
 def test_a_kept_cell_answers_columns_within_their_slack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same design by both cells; the evaluations are kept apart, and a design outside the box is meshed."""
     case, cache = load_case(SMALL), EvaluationCache(tmp_path / "search")

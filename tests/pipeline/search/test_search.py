@@ -574,7 +574,7 @@ accuracy = 0.1
 
 @pytest.mark.slow
 def test_a_larger_plate_is_searched_as_its_modes_are_solved(
-    coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    coarsest_here: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Height and place at once, the target mode in a window: the best design's figures are those of `modes`."""
     monkeypatch.setattr(fidelity.EvaluationCache.__init__, "__defaults__", (tmp_path / "shelf",))
@@ -593,7 +593,7 @@ def test_a_larger_plate_is_searched_as_its_modes_are_solved(
 
 @pytest.mark.slow
 def test_a_plate_on_screws_is_searched_as_its_modes_are_solved(
-    coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    coarsest_here: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Strips and columns know no screws, plates do: the best one's figures are those of `modes`, far from the free plate's."""
     monkeypatch.setattr(fidelity.EvaluationCache.__init__, "__defaults__", (tmp_path / "shelf",))

@@ -49,7 +49,7 @@ def test_shifted_rows_of_pillars_wider_than_half_a_pitch_are_refused_at_once() -
 
 
 @pytest.mark.slow
-def test_their_band_begins_where_the_lattice_has_no_more_flexural_waves(coarsest_cells: None) -> None:
+def test_their_band_begins_where_the_lattice_has_no_more_flexural_waves(coarsest_here: None) -> None:
     """At the target wavenumber; three rows take 10 dB over the lower part of the lattice's gap, about the target mode."""
     case = load_case(CASE, [*SMALL, "array.stagger=true"])
     found = evaluate(case, COLUMN, banded=True)

@@ -158,7 +158,8 @@ def test_every_model_tells_the_same_of_zones(searched: dict[str, Any]) -> None:
         assert each["isolation_db"] > 0.0 and each["gap_mm"] > 0.0 and 0.0 < each["mac"] <= 1.0
 
 
-def test_a_level_is_kept_by_its_question(coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.slow
+def test_a_level_is_kept_by_its_question(coarsest_here: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     case, cache = case_from_dict(RAW), EvaluationCache(tmp_path)
     first = fidelity.evaluate(case, COLUMN, None, cache)
     monkeypatch.setattr(fidelity, "_solved", lambda *_: pytest.fail("solved again"))

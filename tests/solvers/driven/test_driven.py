@@ -75,6 +75,7 @@ def test_voltages_that_move_little_are_left_alone_where_it_is_asked_for() -> Non
     assert levels[0] > 1.001 * levels[2] and moved[2] > 1.001 * moved[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tone", [14e3, 18.3e3, 24e3])
 def test_the_modal_table_is_the_forced_plate(tone: float) -> None:
     """Open sensors and fields at points; loss by omega omega_m against omega_m^2, and its coupling, differ by some 1/Q."""

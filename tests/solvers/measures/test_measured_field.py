@@ -81,6 +81,7 @@ def test_strewn_points_measure_what_the_integral_is() -> None:
     assert abs(10.0 * np.log10(plain) - exact) > 0.6  # without areas the crowd about y = 0 decides
 
 
+@pytest.mark.slow
 def test_the_target_shape_has_a_mac_of_one_whatever_its_phase_and_size() -> None:
     points = lines(121, 45)
     inside = np.abs(points[:, 1]) < DESIGN.width_m / 2 + 1e-9

@@ -108,6 +108,7 @@ def too_high(design: Design, half_waves: float, low_hz: float, high_hz: float) -
     return np.asarray(condensed / dense - 1.0)[inside]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half_waves", [3.5, 5.5])
 def test_a_thick_plates_modes_are_right_wherever_the_target_one_is_searched(half_waves: float) -> None:
     """Modes far below the window's middle too, within what the live plate's bar holds for it."""
@@ -134,6 +135,7 @@ def test_the_condensed_column_of_staggered_rows_has_the_columns_modes(rows: int)
     assert levels[1] == pytest.approx(levels[0], abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extension_mm", [0.0, 0.5, 1.0])
 def test_a_row_at_the_plates_edge_is_condensed_too(extension_mm: float) -> None:
     """The last cell is cut by the edge, and no polynomial follows its outer side: as the dense solve has it."""

@@ -117,6 +117,7 @@ def test_matrices_of_stretched_cells_are_sums_of_products(foot: Foot) -> None:
             assert abs(combined - target).max() < 1e-12 * abs(target).max()
 
 
+@pytest.mark.slow
 def test_a_cylinder_has_its_inertia() -> None:
     """Mass and moment of inertia of the pillar about the cell's axes, as a solid cylinder has them."""
     _, h, a, _ = SIZES

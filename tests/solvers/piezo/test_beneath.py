@@ -33,14 +33,15 @@ def plate_model(rows: int = 0) -> PlateModel:
     return PlateModel(design, Reductions(Stack.of(design.thickness_m, ALUMINIUM), pillar, reduction))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("box", "rows", "axes"),
     [
         ((-4e-3, 4e-3, -2e-3, 2e-3), 0, (0, 1)),
-        pytest.param((1e-3, 8e-3, -2e-3, 2e-3), 0, (1,), marks=pytest.mark.slow),
+        ((1e-3, 8e-3, -2e-3, 2e-3), 0, (1,)),
         ((-4e-3, 4e-3, -1e-3, 3e-3), 0, (0,)),
-        pytest.param((-1e-3, 1e-3, 5e-3, 6e-3), 1, (0,), marks=pytest.mark.slow),
-        pytest.param((1e-3, 8e-3, -1e-3, 3e-3), 0, (), marks=pytest.mark.slow),
+        ((-1e-3, 1e-3, 5e-3, 6e-3), 1, (0,)),
+        ((1e-3, 8e-3, -1e-3, 3e-3), 0, ()),
     ],
     ids=["both", "y", "x", "over pillars", "none"],
 )

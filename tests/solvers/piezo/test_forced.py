@@ -114,6 +114,7 @@ def test_a_bonded_body_has_the_modes_of_the_same_solid(box: np.ndarray) -> None:
     assert np.abs(mine / solid - 1.0).max() < 0.01
 
 
+@pytest.mark.slow
 def test_classes_that_no_patch_drives_are_not_assembled() -> None:
     plate = patched(MIDDLE)
     ForcedPlate(plate, DESIGN, Drive((0,), (), BAND_HZ, 100.0))

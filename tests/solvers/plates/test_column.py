@@ -261,6 +261,7 @@ def test_a_bare_column_of_two_zones_is_the_column_of_one_as_wide() -> None:
     assert len(half) < len(whole) and apart.max() < 2e-3
 
 
+@pytest.mark.slow
 def test_zones_of_a_column_mirror_each_other_up_to_the_edges() -> None:
     """Feet flush with both edges of the plate: what ends at one edge ends at the other."""
     two = replace(DESIGN, zones=2, shared_rows=1, zone_gap_m=2e-3, extension_m=0.0)

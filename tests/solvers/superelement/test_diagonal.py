@@ -39,6 +39,7 @@ def system(panel: Panel = SQUARE, stiffer: bool = False) -> System:
     return assemble(mesh, materials, Scale.of(2e-3, ALUMINIUM))
 
 
+@pytest.mark.slow
 def test_a_class_turned_over_is_the_class_reduced(monkeypatch: pytest.MonkeyPatch) -> None:
     turned = reduce_cell(system(), FACE, 300e3, (0, 1))
     monkeypatch.setattr(reduction, "diagonal_mirror", lambda system: None)

@@ -262,8 +262,9 @@ def test_the_bar_of_a_wave_knows_what_others_of_its_band_show() -> None:
     assert bars.max() == pytest.approx(5e-3) and bars[0, 0] < 2e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degree", [4, 5, 6])
-@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3), pytest.param((7e-3, 7e-3), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3), (7e-3, 7e-3)])
 def test_the_fall_of_the_degrees_tells_what_further_ones_bring(pitch: tuple[float, float], degree: int) -> None:
     """Against the same cell of degree 8, for which the last degree alone tells many times too much."""
     ample, count = lattice(pitch, top_hz=0.6e6, face=Interface(8, 3), settings=AMPLE), 8
