@@ -304,20 +304,20 @@ def _staged(scene: Scene, **window: Any) -> tuple[Any, _Motion | None]:
     plotter.enable_parallel_projection()  # type: ignore[call-arg]
     plotter.view_vector(TOWARDS, viewup=(0, 0, 1))  # type: ignore[arg-type]
     if window:
-        _fit(plotter.camera, scene)
+        _fit(plotter.camera, scene.points, motion)
     return plotter, motion
 
 
-def _fit(camera: Any, scene: Scene) -> None:
+def _fit(camera: Any, points: FloatArray, motion: _Motion | None) -> None:
     """Centre a drawn body, at rest and in its largest motions, in the picture, and fill it."""
-    moved = [scene.reach * shape / max(float(np.abs(shape).max()), 1e-300) for _, shape in scene.shapes[:1]]
-    places = np.concatenate([scene.points, *(scene.points + sign * each for each in moved for sign in (-1.0, 1.0))])
+    reach = motion.reach * motion.shape if motion else np.zeros_like(points)
+    places = np.concatenate([points, points - reach, points + reach])
     right = np.cross((0.0, 0.0, 1.0), TOWARDS)
     axes = np.array([right, np.cross(TOWARDS, right), TOWARDS])
     axes /= np.linalg.norm(axes, axis=1)[:, None]
     low, high = (end(places @ axes.T, axis=0) for end in (np.min, np.max))
     across, up, _ = (high - low) / 2.0
-    bar = BAR if scene.shapes else 0.0  # at the lower end: the body is drawn above it
+    bar = BAR if motion else 0.0  # at the lower end: the body is drawn above it
     camera.parallel_scale = AROUND * max(up / (1.0 - bar), across * SIZE[1] / SIZE[0])
     middle = ((low + high) / 2.0 - [0.0, bar * camera.parallel_scale, 0.0]) @ axes
     camera.position = tuple(middle + np.array(camera.position) - np.array(camera.focal_point))

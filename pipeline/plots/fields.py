@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 ZONE_EDGE: dict[str, Any] = {"color": "black", "lw": 0.9, "ls": (0, (5, 3))}
-SUPPORT_DASHES = {"clamp": "-", "simple": "--", "mass": "-"}  # what yields is dotted
 KINDS = {"hex": "structured hexahedra", "tet": "tetrahedra (pytetwild)"}
 ROUNDED = 1e-6  # of places stored in single precision: those at the end of a zone may lie beyond it
 
@@ -73,17 +72,10 @@ def _draw_supports(axes: Axes, design: DesignRecord) -> None:
     """Draw held edges as thick lines and discs as circles, dotted where they yield; a mass alone is a full disc."""
     from matplotlib.patches import Circle
 
-    x0, x1, y0, y1 = np.array(design.ends_m) / MM
-    edges = {
-        "x-": ((x0, x0), (y0, y1)),
-        "x+": ((x1, x1), (y0, y1)),
-        "y-": ((x0, x1), (y0, y0)),
-        "y+": ((x0, x1), (y1, y1)),
-    }
     for support in design.supports:
-        dashes = SUPPORT_DASHES.get(support.kind, ":")
+        dashes = ":" if support.is_elastic else "--" if support.kind == "simple" else "-"
         if support.edge:
-            axes.plot(*edges[support.edge], color="black", lw=3.0, ls=dashes, clip_on=False)
+            axes.plot(*np.array(design.edge_m(support.edge)) / MM, color="black", lw=3.0, ls=dashes, clip_on=False)
         else:
             at, is_mass = np.array(support.at_m) / MM, support.kind == "mass"
             axes.add_patch(Circle(tuple(at), support.radius_m / MM, fill=is_mass, color="black", lw=1.2, ls=dashes))

@@ -125,6 +125,11 @@ class SupportRecord(Part):
     radius_m: float = 0.0
 
     @property
+    def is_elastic(self) -> bool:
+        """Whether what it holds yields."""
+        return self.kind in ("foam", "spring")
+
+    @property
     def text(self) -> str:
         """Kind and place."""
         x, y = (place / MM for place in self.at_m)
@@ -174,6 +179,16 @@ class DesignRecord(Part):
         x = [place for side in self.rims_m for place in side[::2]]
         y = [place for side in self.rims_m for place in side[1::2]]
         return min(x), max(x), min(y), max(y)
+
+    def edge_m(self, edge: str) -> tuple[tuple[float, float], tuple[float, float]]:
+        """x and y of both ends of the edge x-, x+, y- or y+, m."""
+        x0, x1, y0, y1 = self.ends_m
+        return {
+            "x-": ((x0, x0), (y0, y1)),
+            "x+": ((x1, x1), (y0, y1)),
+            "y-": ((x0, x1), (y0, y0)),
+            "y+": ((x0, x1), (y1, y1)),
+        }[edge]
 
     @property
     def zone_places_m(self) -> FloatArray:

@@ -275,13 +275,11 @@ def _plate(design: DesignRecord, x0: float, y0: float, length: float, breadth: f
 
 def _supports(design: DesignRecord) -> str:
     """The supports in a sketch: thick edges and circles, dashed where they yield."""
-    x0, x1, low, high = (end / MM for end in design.ends_m)
-    edges = {"x-": (x0, x0, low, high), "x+": (x1, x1, low, high), "y-": (x0, x1, low, low), "y+": (x0, x1, high, high)}
     drawn = []
     for support in design.supports:
-        look = f'class="support" {SUPPORT}{YIELDS if support.kind in ("foam", "spring") else ""}'
+        look = f'class="support" {SUPPORT}{YIELDS if support.is_elastic else ""}'
         if support.edge:
-            start, end, lower, upper = edges[support.edge]
+            (start, end), (lower, upper) = np.array(design.edge_m(support.edge)) / MM
             drawn.append(f'<path {look} d="M{start:.2f} {-lower:.2f}L{end:.2f} {-upper:.2f}"/>')
         else:
             x, y, radius = (size / MM for size in (*support.at_m, support.radius_m))

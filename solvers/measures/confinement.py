@@ -111,6 +111,12 @@ class DrivenZones:
 AT_ONCE = 4_000  # points whose motion is weighed at once: of all of them it would be a second copy
 
 
+def _parted(weights: FloatArray, points: FloatArray, design: Design) -> list[FloatArray]:
+    """Weights (q,) of the points (q, 2) in the zone, on the passive face and beyond the last row, 0 elsewhere."""
+    masks = design.in_zone(points), design.passive(points), design.beyond_rows(points)
+    return [weights * mask for mask in masks]
+
+
 def _blocks(parts: Sequence[FloatArray], values: Any) -> Iterator[tuple[FloatArray, Any]]:
     """Weights (parts, q) and values (q, k) of some points after others."""
     for first in range(0, len(values), AT_ONCE):
@@ -166,15 +172,14 @@ class Overlaps:
 
         The latter lack what belongs to the target shape.
         """
-        masks = touch.is_active(design), design.passive(touch.points), design.beyond_rows(touch.points)
-        parts = [touch.weights * mask for mask in masks]
+        parts = _parted(touch.weights, touch.points, design)
         areas = [float(part.sum()) for part in parts]
         active, passive, beyond = _products(parts, touch.values)
         heavy = touch.weights * (shape := _shape_at(touch, design, symmetry))
         projection = heavy @ touch.values / np.sqrt(max(float(heavy @ shape), 1e-300))
         strength = design.stack.mass_kg_m2 / touch.modal_mass_kg
         return (
-            cls(active, passive, projection, strength) if masks[1].any() else None,
+            cls(active, passive, projection, strength) if areas[1] > 0.0 else None,
             cls(active, beyond) if areas[2] > NEGLIGIBLE * areas[0] else None,
         )
 
@@ -406,7 +411,7 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
 def _measured(profile: Profile, design: Design, points: FloatArray) -> Confinement:
     """Measure motions at points (q, 2) of the touch face."""
     weights, active = profile.weights, design.in_zone(points)
-    parts = [weights * part for part in (active, design.passive(points), design.beyond_rows(points))]
+    parts = _parted(weights, points, design)
     shape, values = profile.shape[active], profile.values[active]
     own = weights[active] @ np.abs(shape) ** 2
     projection = np.abs((weights[active] * shape.conj()) @ values) ** 2 / np.maximum(own, 1e-300)

@@ -116,11 +116,12 @@ class AssembledPlate:
         squeezes it by h / (pi E r^2) where it is wide.
         """
         discs = [each for each in self.actions if not each.support.edge]
-        total, kept_hz = np.zeros_like(eigenvalue), min(cell.dropped_hz for cell in self.cells)
+        total = np.zeros_like(eigenvalue)
         if self.stack is None or not discs:
             return total
         bending, surface = float(self.stack.bending_n_m.diagonal()[:2].min()), self.stack.mass_kg_m2
-        angular, young_pa = 2.0 * np.pi * kept_hz, self.stack.back.average.young_pa
+        angular = 2.0 * np.pi * min(cell.dropped_hz for cell in self.cells)
+        young_pa = self.stack.back.average.young_pa
         for disc in discs:
             radius, motion = disc.support.radius_m, disc.rows[2] @ vectors
             across = np.sqrt(angular * np.sqrt(surface / bending)) * radius

@@ -49,16 +49,17 @@ class Action:
 
     def stiffness(self, scale: Scale) -> sp.csc_array:
         """Scaled stiffness along z, (dof, dof)."""
-        return sp.csc_array(self.support.stiffness_of(self.length_m) / (scale.young_pa * scale.length_m) * self.gram(2))
+        return sp.csc_array(_scaled(self.support, self.length_m, scale)[0] * self.gram(2))
 
     def mass(self, scale: Scale) -> sp.csc_array:
         """Scaled mass along all axes, (dof, dof)."""
-        return sp.csc_array(self.support.mass_kg / scale.mass_kg * sum(self.gram(axis) for axis in range(3)))
+        weight = _scaled(self.support, self.length_m, scale)[1]
+        return sp.csc_array(weight * sum(self.gram(axis) for axis in range(3)))
 
     def force(self, scale: Scale, eigenvalue: FloatArray) -> FloatArray:
         """Scaled force along z over the motion at scaled eigenvalues l, k - l m, (n,)."""
-        stiffness = self.support.stiffness_of(self.length_m) / (scale.young_pa * scale.length_m)
-        return np.asarray(stiffness - eigenvalue * self.support.mass_kg / scale.mass_kg)
+        stiffness, mass = _scaled(self.support, self.length_m, scale)
+        return np.asarray(stiffness - eigenvalue * mass)
 
     def damping(self, scale: Scale, vectors: FloatArray) -> FloatArray:
         """Scaled damping between motions (dof, k) along z, (k, k): i w C next to K - w2 M, w and C scaled, too."""
@@ -153,9 +154,14 @@ def softness(tiling: Tiling, placed: Placed, scale: Scale, value: float) -> tupl
             answer = solve_triangular(lower, motion.reshape(len(inside), -1), lower=True).reshape(motion.shape)
             share = [np.linalg.norm(part.reshape(len(inside), -1), 2) ** 2 for part in (answer[..., 2], answer)]
             worst = np.maximum(worst, share)
-        stiffness = support.stiffness_of(length) / (scale.young_pa * scale.length_m)
-        total += worst * (stiffness, value * support.mass_kg / scale.mass_kg)
+        stiffness, mass = _scaled(support, length, scale)
+        total += worst * (stiffness, value * mass)
     return float(total[0]), float(total[1])
+
+
+def _scaled(support: Support, length_m: float, scale: Scale) -> tuple[float, float]:
+    """Scaled stiffness along z and mass of a support."""
+    return support.stiffness_of(length_m) / (scale.young_pa * scale.length_m), support.mass_kg / scale.mass_kg
 
 
 def _length_m(tiling: Tiling, support: Support) -> float:
