@@ -29,9 +29,9 @@ HEARD_S = 0.2  # longest wait before an interruption takes effect, whichever thr
 WAIT_S = 5e-4
 # Of glibc's malloc.h. All threads share one heap: arrays are few and large, and an arena of each thread's own keeps what it
 # once held. A solve makes and drops arrays of some megabytes by the hundred: given back to the system each time, their pages
-# cost a tenth of a small solve when they come again.
+# cost a tenth of a solve when they come again. The thresholds are the highest that glibc would find itself.
 ARENA_MAX, TRIM_THRESHOLD, MMAP_THRESHOLD = -8, -1, -3
-HEAP = {ARENA_MAX: 1, TRIM_THRESHOLD: 2**26, MMAP_THRESHOLD: 2**23}
+HEAP = {ARENA_MAX: 1, TRIM_THRESHOLD: 2**28, MMAP_THRESHOLD: 2**25}
 # rslab has a heap of its own, mimalloc's, read when it is loaded: pages that it gave back after its own 10 ms and zeroed again
 # for the next factor cost an eighth of a forced response; kept for ever, they add a fifth to the memory of a large cell. So
 # they wait for that many ms: the next factor comes sooner, the next step of the work later.

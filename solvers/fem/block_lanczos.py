@@ -18,6 +18,7 @@ MAX_COUNT = 6.0  # vectors of the basis per requested pair: beyond, restarts are
 TOLERANCE = 1e-11  # residual over the inverse's eigenvalue; the errors of eigenvalues go with its square
 WIDE = 15  # degrees of freedom per pair at least: below, the basis would be most of the space
 MASSLESS = 1e-14  # v'Mv over the largest seen: v'v is 1 for each, and such a direction moves no mass
+SHORTENED = 0.5  # length left of a vector of unit length below which what was taken out of it is taken out twice
 BYTES = 1e9  # of a basis that is still kept whole; it rarely grows to half of its limit, and takes no memory before
 EVERY = 2  # blocks between looks at the residuals
 
@@ -49,18 +50,19 @@ def block_lanczos(
     basis = Basis(size, most, mass)
     basis.append(inverse(mass(_start(size))))
     projected = np.zeros((most, most))
-    first, turn = 0, 0
+    before, first, turn = 0, 0, 0
     while True:
         last, turn = basis.count, turn + 1
         images = inverse(basis.weighted[:, first:last])
-        projected[:last, first:last] = basis.strip(images)
+        # an image of a block has parts in it and in the one before it alone; `append` takes out what rounding adds
+        projected[before:last, first:last] = basis.strip(images, before)
         coupling = basis.append(images)
         full = basis.count == last
         if full or (last >= 1.5 * count and turn % EVERY == 0):
             converged = _converged(projected[:last, :last], first, coupling, count, tolerance)
             if converged is not None or full:
                 return converged and (converged[0], basis.vectors[:, :last] @ converged[1])
-        first = last
+        before, first = first, last
 
 
 def _start(size: int) -> FloatArray:
@@ -120,16 +122,18 @@ class Basis:
         """M times the basis."""
         return self._weighted[:, : self.count]
 
-    def strip(self, block: FloatArray) -> FloatArray:
-        """Take the basis out of a block; its coefficients (count, k)."""
-        part = self.weighted.T @ block
-        block -= self.vectors @ part
+    def strip(self, block: FloatArray, first: int = 0) -> FloatArray:
+        """Take the basis from its vector `first` on out of a block; its coefficients (count - first, k)."""
+        part = self.weighted[:, first:].T @ block
+        block -= self.vectors[:, first:] @ part
         return np.asarray(part)
 
     def append(self, block: FloatArray) -> FloatArray:
         """Orthonormalise a stripped block and append it if there is room; its coefficients in the new vectors, (m, k)."""
         block, coupling = np.linalg.qr(block)
         self.strip(block)  # the rounded rest of the basis is no longer small relative to a block of unit length
+        if np.linalg.norm(block, axis=0).min() < SHORTENED:
+            self.strip(block)
         weighted = self.mass(block)
         gram = block.T @ weighted
         square, turn = np.linalg.eigh((gram + gram.T) / 2.0)

@@ -57,7 +57,7 @@ Thing = TypeVar("Thing")
 Other = TypeVar("Other")
 _free_owners: deque[OwnerThread] = deque()
 # factor over matrix, bytes: beyond, it is not a plate, and nested dissection may fill less than minimum fill
-FILLED = 10.0
+FILLED = 8.0
 ANALYSIS_BYTES = 60  # measured peak of the analysis per entry of the matrix
 COPY_BYTES = 30  # bytes of it still in memory, per entry, while the factor is made; rslab's own plan leaves it out
 
