@@ -63,7 +63,7 @@ from solvers.accuracy import calibration
 from solvers.accuracy.mesh import largest
 from solvers.accuracy.reduction import ModeErrors, by_modes, mode_errors, more_below
 from solvers.fem.eigen import Count, Modes, PlainPencil, Shared, modes_in_band, modes_near
-from solvers.fem.factor import parallel_map
+from solvers.fem.factor import Factoriser, parallel_map
 from solvers.fem.missing_mode import largest_outside
 from solvers.fem.solid import Pencil
 from solvers.measures.confinement import (
@@ -591,7 +591,8 @@ class _Class:
         self.rigid_count = 0
         self.nearest_hz: float | None = None
         self.count = Count(0.0, 0.0, 0, 0)
-        self.shared = Shared(keeps=isinstance(model, PlateModel))
+        factorise = model.assembled(symmetry).factorise if isinstance(model, PlateModel) else Factoriser()
+        self.shared = Shared(factorise, keeps=isinstance(model, PlateModel))
         self.target: Target | None = None
         self.errors: ModeErrors | None = None
         self.overlaps: Pair | None = None  # of all columns, where they were measured together

@@ -464,9 +464,7 @@ def more_below(
     def lost(cell: Cell) -> FloatArray:
         return cell.on_boundary(value**2 * float(cell.residual.growth(value)) * cell.dropped)
 
-    softer = PlainPencil(
-        (pencil.stiffness - plate.of_cells(lost)).tocsc(), pencil.mass, pencil.scale, pencil.rigid_count
-    )
+    softer = PlainPencil(plate.stiffness(lost), pencil.mass, pencil.scale, pencil.rigid_count)
     own = count_below(pencil, edge_hz, factorise) if reduced is None else reduced
     return count_below(softer, beyond_hz, factorise) - own
 

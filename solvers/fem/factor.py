@@ -58,6 +58,7 @@ Other = TypeVar("Other")
 _free_owners: deque[OwnerThread] = deque()
 # factor over matrix, bytes: beyond, it is not a plate, and nested dissection may fill less than minimum fill
 FILLED = 8.0
+PATTERNS = 2  # whose analyses a factoriser keeps
 ANALYSIS_BYTES = 60  # measured peak of the analysis per entry of the matrix
 COPY_BYTES = 30  # bytes of it still in memory, per entry, while the factor is made; rslab's own plan leaves it out
 
@@ -232,7 +233,7 @@ Factor = Rslab | SuperLU
 
 
 class Factoriser:
-    """Factorises matrices of one sparsity pattern, sharing the symbolic analysis, and checks each factor by a solve.
+    """Factorises matrices of a sparsity pattern or two, sharing the symbolic analysis, and checks each factor by a solve.
 
     `backend`, or else the variable ANTINODE_FACTOR, names one of machine.factorisations(), whose first is taken without either.
     Raises SolverError for a name that is not available.
@@ -244,13 +245,14 @@ class Factoriser:
             raise SolverError(
                 f"factorisation '{self.backend}' is not installed; use {', '.join(machine.factorisations())}"
             )
-        self._symbolic: Any = None  # of the pattern seen last
+        self._symbolic: dict[int, Any] = {}  # of the patterns seen last, by their number of entries
 
     def __call__(self, matrix: sp.csc_array) -> Factor:
         """Factor of a symmetric matrix. Raises SingularShift when it is singular to working precision, TooLarge."""
         raise_if_cancelled()
-        factor = (Rslab if self.backend == "rslab" else SuperLU)(matrix, self._symbolic)
-        self._symbolic = factor.symbolic
+        known = self._symbolic.pop(matrix.nnz, None)
+        factor = (Rslab if self.backend == "rslab" else SuperLU)(matrix, known)
+        self._symbolic = dict([*self._symbolic.items(), (matrix.nnz, factor.symbolic)][-PATTERNS:])
         _probe(matrix, factor)
         return factor
 

@@ -23,6 +23,7 @@ from geometry.tiling import DIGITS, Signature, Tiling, signature
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
+from solvers.fem.factor import Factoriser
 from solvers.fem.prestress import PLACES
 from solvers.fem.surface import Skin, triangles
 from solvers.measures.confinement import TouchField
@@ -58,6 +59,7 @@ class AssembledPlate:
         number[self.origin] = np.arange(self.dof)
         self._number, self._sign = number[whole], sign
         self.placed_cells = [self._place(i, j, number[whole], sign) for i, j in self.grid.representative_cells()]
+        self.factorise = Factoriser()  # one symbolic analysis serves what shifts, softens or releases the plate
         self.holds: Sequence[Hold] = ()  # discs of the back face
         self.stack: Stack | None = None  # layers, where supports on discs are to have error bars
         # thermal stress: size of each field in each placed cell, (cells, 9), scaled
@@ -91,14 +93,21 @@ class AssembledPlate:
 
     def pencil(self) -> PlainPencil:
         """K and M of the class, per whole plate."""
-        stiffness, mass = self.of_cells(lambda cell: cell.stiffness), self.of_cells(lambda cell: cell.mass)
+        mass = self.of_cells(attrgetter("mass"))
         for action in self.actions:
-            stiffness, mass = stiffness + action.stiffness(self.scale), mass + action.mass(self.scale)
+            mass = mass + action.mass(self.scale)
+        return PlainPencil(self.stiffness(), sp.csc_array(mass), self.scale, self.rigid_count)
+
+    def stiffness(self, less: Callable[[Cell], FloatArray] | None = None) -> sp.csc_array:
+        """The stiffness of cells, less a part of it, and of supports and thermal stress, (dof, dof), in one pattern."""
+        stiffness = self.of_cells(attrgetter("stiffness"), less)
+        for action in self.actions:
+            stiffness = stiffness + action.stiffness(self.scale)
         for hold in self.holds:
             stiffness = stiffness + self.held_stiffness(hold)
         if self.stress is not None:
             stiffness = stiffness + self.stress_stiffness(self.stress)
-        return PlainPencil(sp.csc_array(stiffness), sp.csc_array(mass), self.scale, self.rigid_count)
+        return sp.csc_array(stiffness)
 
     def missed_at_discs(self, vectors: FloatArray, eigenvalue: FloatArray) -> FloatArray:
         """Relative error of frequencies, (k,), by elements at the rims of held discs at most: Rayleigh's quotient."""
@@ -182,7 +191,9 @@ class AssembledPlate:
         held = any(each.held_axes for each in self.tiling.supports) or self.stress is not None
         if held or any(tiling.free_sides(*place) != self.tiling.free_sides(*place) for place in tiling.feet):
             return None
-        return AssembledPlate(tiling, self.grid.cells, self.symmetry, self.grid)
+        plate = AssembledPlate(tiling, self.grid.cells, self.symmetry, self.grid)
+        plate.factorise = self.factorise
+        return plate
 
     def damping(self, vectors: FloatArray) -> FloatArray:
         """Scaled damping of the supports between motions (dof, k), (k, k)."""
@@ -212,9 +223,11 @@ class AssembledPlate:
             each[hold.material] += vectors.T @ (self.held_stiffness(hold) @ vectors)
         return np.array([*each, rest])
 
-    def of_cells(self, matrix: Callable[[Cell], FloatArray]) -> sp.csc_array:
-        """The cells' matrices (cell dof, cell dof) summed over the plate, (dof, dof), without entries of rounding alone."""
-        known = {id(cell): _entries(matrix(cell)) for cell in self.cells}
+    def of_cells(
+        self, matrix: Callable[[Cell], FloatArray], less: Callable[[Cell], FloatArray] | None = None
+    ) -> sp.csc_array:
+        """The cells' matrices (cell dof, cell dof), less others, summed over the plate, (dof, dof), without mere rounding."""
+        known = {id(cell): _entries(matrix(cell), less(cell) if less else None) for cell in self.cells}
         return self._summed(known[id(placed_cell.cell)] for placed_cell in self.placed_cells)
 
     def stress_stiffness(self, stress: FloatArray) -> sp.csc_array:
@@ -365,10 +378,17 @@ def _given(value: Kept | None, what: str) -> Kept:
     return value
 
 
-def _entries(matrix: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """Rows, columns and values of a cell's matrix, without the rounding left in entries that symmetry makes zero."""
+def _entries(matrix: FloatArray, less: FloatArray | None = None) -> tuple[IntArray, IntArray, FloatArray]:
+    """Rows, columns and values of a cell's matrix, less another one, without the rounding left in entries that symmetry makes
+    zero; the other one's rounding is larger.
+    """
     size = np.sqrt(np.abs(np.diag(matrix)))
-    row, column = np.nonzero(np.abs(matrix) > DROP_TOLERANCE * np.outer(size, size))
+    least = DROP_TOLERANCE * np.outer(size, size)
+    kept = np.abs(matrix) > least
+    if less is not None:
+        kept |= np.abs(less) > 100.0 * least
+        matrix = matrix - less
+    row, column = np.nonzero(kept)
     return row, column, matrix[row, column]
 
 

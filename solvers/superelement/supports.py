@@ -28,6 +28,9 @@ from solvers.superelement.cell import Cell, PlacedCell
 AXES = "xyz"
 REACH = 2  # panels about a disc that keep all boundary functions
 RINGS, SPOKES = 6, 24  # points of a disc: exact for polynomials of degree 11 and for harmonics below 24
+ROUNDED = (
+    1e-14  # over sqrt(a_ii a_jj): what orthogonal functions leave by rounding would be another pattern than the cells'
+)
 RANK = 1e-9  # of the largest singular value of what the supports hold
 # rigid-body modes of the symmetry classes of u_z, x then y: translations x, y, z, rotations about x, y, z
 RIGID_OF_CLASS = {"SS": (2,), "SA": (1, 3), "AS": (0, 4), "AA": (5,)}
@@ -45,7 +48,10 @@ class Action:
     def gram(self, axis: int) -> sp.csc_array:
         """Sum of w_q b_q' b_q, (dof, dof)."""
         own = self.rows[axis]
-        return sp.csc_array(own.T @ sp.diags_array(self.weights) @ own)
+        full = sp.coo_array(own.T @ sp.diags_array(self.weights) @ own)
+        size = np.sqrt(np.bincount(own.indices, self.weights.repeat(np.diff(own.indptr)) * own.data**2, own.shape[1]))
+        kept = np.abs(full.data) > ROUNDED * size[full.row] * size[full.col]
+        return sp.csc_array((full.data[kept], (full.row[kept], full.col[kept])), shape=full.shape)
 
     def stiffness(self, scale: Scale) -> sp.csc_array:
         """Scaled stiffness along z, (dof, dof)."""

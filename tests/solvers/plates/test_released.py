@@ -15,6 +15,7 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.supports import SOFT, Support
 from pipeline.planning.resource_estimate import softness
+from solvers.fem import factor
 from solvers.fem.eigen import Modes, Shared, count_below, modes_in_band
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.plates.released import released
@@ -138,3 +139,22 @@ def test_a_plan_knows_how_soft_supports_are(name: str) -> None:
     plate = PlateModel(design, Reductions(design.stack, design.pillar, SETTINGS)).assembled(None)
     exact = max(plate.softness(plate.scale.eigenvalue(BAND[0])))
     assert exact <= softness(design, plate.tiling, BAND[0]) <= 4.0 * exact
+
+
+@pytest.mark.slow
+def test_foam_leaves_the_pattern_of_the_plate_and_so_its_symbolic_analysis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What orthogonal functions leave of a foam by rounding would be entries of its own."""
+    design = replace(PLATE, supports=(FOAM,))
+    model = PlateModel(design, Reductions(design.stack, design.pillar, SETTINGS))
+    analysed: list[int] = []
+    analyse = factor._analysed
+
+    def noted(matrix: sp.csc_array) -> object:
+        analysed.append(matrix.nnz)
+        return analyse(matrix)
+
+    monkeypatch.setattr(factor, "_analysed", noted)
+    for each in (model, model.released(None)):
+        assert each
+        count_below(each.pencil(None), BAND[0], each.assembled(None).factorise)
+    assert len(analysed) == 1
