@@ -23,7 +23,7 @@ from solvers.analytic.predesign import pillar_frequencies_hz, predesign
 from solvers.fem.assembly import System, assemble
 from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import CLASSES, SolidModel, constrain, free_mask
-from solvers.measures.confinement import Overlaps, measure, target_symmetry
+from solvers.measures.confinement import Weighed, measure, target_symmetry
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice
@@ -236,7 +236,7 @@ def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     measures = measure(model.touch(symmetry, modes.vectors), d, symmetry)
     assert measures.zone_share is not None and measures.confinement_db is not None
     best = int(np.argmax(measures.mac * measures.zone_share))
-    overlaps = Overlaps.of(model.touch(symmetry, modes.vectors), d)
+    overlaps = Weighed.over([model.touch(symmetry, modes.vectors)], d).overlaps[0]
     assert overlaps
     most = overlaps.mixing_db(modes.frequency_hz, best, SMALL)
     values = {"plate": float(modes.frequency_hz[best]), "confinement (dB)": float(measures.confinement_db[best])}

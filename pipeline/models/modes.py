@@ -70,6 +70,7 @@ from solvers.measures.confinement import (
     Confinement,
     Overlaps,
     Pair,
+    Weighed,
     measure,
     mixed_energy,
     mixed_shares,
@@ -713,9 +714,8 @@ class _Class:
         self.tones = np.concatenate([self.tones, modes.frequency_hz])
         measures: Confinement | None = None
         if self.part in MEASURED and len(modes.frequency_hz):
-            touch = self.model.touch(self.symmetry, modes.vectors)
-            measures = measure(touch, self.case.design, self.symmetry)
-            self.overlaps = None if first else Overlaps.of_both(touch, self.case.design, self.symmetry)
+            weighed = _weighed(self.case, self.model, self.symmetry, modes.vectors)
+            measures, self.overlaps = weighed.measures, None if first else weighed.overlaps
         return tuple(mode_rows(modes, self.symmetry, measures, first))
 
 
@@ -792,8 +792,14 @@ def _overlaps(case: Case, part_modes: PartModes, rows: Sequence[ModeRow]) -> Pai
     symmetry, columns = rows[0].symmetry, [row.column for row in rows]
     if known := part_modes.overlaps.get(symmetry):
         return known[0] and known[0].among(columns), known[1] and known[1].among(columns)
-    touch = part_modes.model.touch(symmetry, part_modes.vectors[symmetry][:, columns])
-    return Overlaps.of_both(touch, case.design, symmetry)
+    return _weighed(case, part_modes.model, symmetry, part_modes.vectors[symmetry][:, columns]).overlaps
+
+
+def _weighed(case: Case, model: PartModel, symmetry: str | None, vectors: FloatArray) -> Weighed:
+    """Integrals of modes (dof, k) over the parts of the touch face."""
+    if isinstance(model, PlateModel):
+        return Weighed.over(model.assembled(symmetry).touch_parts(vectors), case.design, symmetry)
+    return Weighed.over([model.touch(symmetry, vectors)], case.design, symmetry)
 
 
 def _classes(model: PartModel, symmetry: str | None) -> tuple[str | None, ...]:

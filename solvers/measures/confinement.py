@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import log
 from typing import Any, TypeAlias
@@ -156,32 +156,10 @@ class Overlaps:
     strength: float = np.nan
 
     @classmethod
-    def of(cls, touch: TouchField, design: Design, symmetry: str | None = None) -> Overlaps | None:
-        """Integrate over both parts; None without a passive face."""
-        return cls.of_both(touch, design, symmetry)[0]
-
-    @classmethod
     def between(cls, active: FloatArray, passive: FloatArray, values: Any) -> Overlaps:
         """Overlaps from the weights (q,) of both parts, 0 outside them, and values (q, k)."""
         of_active, of_passive = _products((active, passive), values)
         return cls(of_active, of_passive)
-
-    @classmethod
-    def of_both(cls, touch: TouchField, design: Design, symmetry: str | None = None) -> Pair:
-        """Overlaps with the passive face, and with the plate beyond the last row; None without such a part.
-
-        The latter lack what belongs to the target shape.
-        """
-        parts = _parted(touch.weights, touch.points, design)
-        areas = [float(part.sum()) for part in parts]
-        active, passive, beyond = _products(parts, touch.values)
-        heavy = touch.weights * (shape := _shape_at(touch, design, symmetry))
-        projection = heavy @ touch.values / np.sqrt(max(float(heavy @ shape), 1e-300))
-        strength = design.stack.mass_kg_m2 / touch.modal_mass_kg
-        return (
-            cls(active, passive, projection, strength) if areas[1] > 0.0 else None,
-            cls(active, beyond) if areas[2] > NEGLIGIBLE * areas[0] else None,
-        )
 
     def among(self, modes: Sequence[int]) -> Overlaps:
         """Overlaps of some of the modes."""
@@ -244,6 +222,51 @@ class Overlaps:
 
 
 Pair: TypeAlias = "tuple[Overlaps | None, Overlaps | None]"
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Integrals of the u_z of modes over zone, passive face and the plate beyond the last row: products of every two (3, k, k)
+    and areas (3,), m2.
+
+    projection: of each mode on the target shape of unit square, (k,) in m; per_mass: mass per area over the modal mass.
+    """
+
+    products: FloatArray
+    areas: FloatArray
+    projection: FloatArray
+    per_mass: float
+
+    @classmethod
+    def over(cls, fields: Iterable[TouchField], design: Design, symmetry: str | None = None) -> Weighed:
+        """Integrate over a touch face, of which each field holds some of the points."""
+        products, areas, projection, square = np.zeros(()), np.zeros(3), np.zeros(()), 0.0
+        for touch in fields:
+            parts = _parted(touch.weights, touch.points, design)
+            products = products + np.array(_products(parts, touch.values))
+            areas += [part.sum() for part in parts]
+            heavy = touch.weights * (shape := _shape_at(touch, design, symmetry))
+            projection, square = projection + heavy @ touch.values, square + float(heavy @ shape)
+            per_mass = design.stack.mass_kg_m2 / touch.modal_mass_kg
+        return cls(products, areas, projection / np.sqrt(max(square, 1e-300)), per_mass)
+
+    @property
+    def measures(self) -> Confinement:
+        """Measures of every mode."""
+        squares = list(np.einsum("pkk->pk", self.products))
+        return confined(squares, list(self.areas), self.projection**2, self.per_mass)
+
+    @property
+    def overlaps(self) -> Pair:
+        """Overlaps with the passive face, and with the plate beyond the last row; None without such a part.
+
+        The latter lack what belongs to the target shape.
+        """
+        active, passive, beyond = self.products
+        return (
+            Overlaps(active, passive, self.projection, self.per_mass) if self.areas[1] > 0.0 else None,
+            Overlaps(active, beyond) if self.areas[2] > NEGLIGIBLE * self.areas[0] else None,
+        )
 
 
 def ratio_db(inside: Any, outside: Any) -> FloatArray:

@@ -8,7 +8,7 @@ the symmetry class forbids them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from operator import attrgetter
@@ -34,6 +34,7 @@ from solvers.superelement.prestress import Prestress
 from solvers.superelement.supports import Action, Hold, actions, at_edge, full_panels, held_dofs, rigid_count, softness
 
 Kept = TypeVar("Kept")
+CELLS = 10  # whose touch faces are evaluated at once
 WHOLE = ""  # no mirror: every panel is assembled
 DROP_TOLERANCE = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
 
@@ -260,15 +261,23 @@ class AssembledPlate:
 
     def touch(self, vectors: FloatArray) -> TouchField:
         """u_z over the touch faces of the cells of the class, weighted as the whole plate."""
-        rules = [self.touch_rule(placed_cell) for placed_cell in self.placed_cells]
+        return self._touched(self.placed_cells, vectors)
+
+    def touch_parts(self, vectors: FloatArray) -> Iterator[TouchField]:
+        """The same, some cells after others: of many modes the whole would fill the memory."""
+        for first in range(0, len(self.placed_cells), CELLS):
+            yield self._touched(self.placed_cells[first : first + CELLS], vectors)
+
+    def _touched(self, placed_cells: Sequence[PlacedCell], vectors: FloatArray) -> TouchField:
+        rules = [self.touch_rule(placed_cell) for placed_cell in placed_cells]
         ends = np.cumsum([0, *(len(rule.weights) for rule in rules)])
         points, weights = np.empty((ends[-1], 2)), np.empty(ends[-1])
         values = np.empty((ends[-1], vectors.shape[1]), dtype=vectors.dtype)  # joining parts would hold them twice
-        for placed_cell, rule, at in zip(self.placed_cells, rules, map(slice, ends[:-1], ends[1:]), strict=True):
+        for placed_cell, rule, at in zip(placed_cells, rules, map(slice, ends[:-1], ends[1:]), strict=True):
             points[at] = rule.points[:, :2] + np.array(placed_cell.middle)
             weights[at] = rule.weights * placed_cell.copies
             values[at] = rule.values(self.cell_vectors(placed_cell, vectors))
-        return TouchField(points, weights, values, self.placed_cells[0].cell.scale.mass_kg)
+        return TouchField(points, weights, values, self.scale.mass_kg)
 
     def work(self, force: FloatArray) -> FloatArray:
         """Work of forces (q,) along z at the points of `touch` on each degree of freedom, (dof,)."""

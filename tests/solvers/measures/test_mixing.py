@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from solvers.measures.confinement import Overlaps, TouchField, measure, mixed_energy, share_error, strength_force
+from solvers.measures.confinement import (
+    Overlaps,
+    TouchField,
+    Weighed,
+    measure,
+    mixed_energy,
+    share_error,
+    strength_force,
+)
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
 TONES = np.array([30e3, 31e3, 40e3])
@@ -31,7 +40,7 @@ def level(values: np.ndarray) -> float:
 
 
 def level_db(touch: TouchField, tones: np.ndarray, index: int, error: float, design: Design) -> float | None:
-    overlaps = Overlaps.of(touch, design)
+    overlaps = Weighed.over([touch], design).overlaps[0]
     return overlaps and overlaps.mixing_db(tones, index, error)
 
 
@@ -51,18 +60,32 @@ def test_one_neighbour_moves_the_level_over_the_plate_beyond_the_rows_as_its_sha
     mixed = np.column_stack([values[:, 0], values[:, 0] + share * values[:, 1]])
     before, after = measure(face(mixed, design.half_span_m), design, None).extension_db
     touch = face(values, design.half_span_m)
-    overlaps = Overlaps.of_both(touch, design)[1]
+    overlaps = Weighed.over([touch], design).overlaps[1]
     assert overlaps and overlaps.mixing_db(TONES[:2], 0, error) == pytest.approx(abs(after - before), rel=10.0 * share)
     assert overlaps.mixing_db(TONES[:2], 0, error) != pytest.approx(
         level_db(touch, TONES[:2], 0, error, design), rel=0.1
     )
     short = replace(design, extension_m=0.0)
-    assert Overlaps.of_both(face(values, short.half_span_m), short)[1] is None
+    assert Weighed.over([face(values, short.half_span_m)], short).overlaps[1] is None
+
+
+def test_a_face_weighed_part_by_part_measures_as_the_whole() -> None:
+    """Parts of a few points, some within the zone, some outside, of other sizes."""
+    design = replace(DESIGN, rows=2, extension_m=4e-3)
+    touch, ends = replace(face(fields(), design.half_span_m), modal_mass_kg=3e-3), [0, 7, 300, 301, 1000]
+    parts = [
+        replace(touch, points=touch.points[a:b], weights=touch.weights[a:b], values=touch.values[a:b])
+        for a, b in pairwise(ends)
+    ]
+    whole, measured = measure(touch, design, None), Weighed.over(parts, design).measures
+    for name, value in vars(whole).items():
+        assert getattr(measured, name) == pytest.approx(value, rel=1e-12, abs=1e-12), name
+        assert np.isfinite(value).all()
 
 
 def test_overlaps_of_some_modes_are_those_of_their_motion_alone() -> None:
     values = fields(4)
-    every, one = (Overlaps.of_both(face(own), DESIGN) for own in (values, values[:, [3, 1]]))
+    every, one = (Weighed.over([face(own)], DESIGN).overlaps for own in (values, values[:, [3, 1]]))
     for all_of_them, alone in zip(every, one, strict=True):
         assert all_of_them and alone
         for name in ("active", "passive", "projection"):
@@ -113,7 +136,7 @@ def alike(values: np.ndarray) -> np.ndarray:
 
 
 def shape_bars(values: np.ndarray, error: float, index: int = 0, **more: float) -> np.ndarray:
-    overlaps = Overlaps.of(face(values), DESIGN)
+    overlaps = Weighed.over([face(values)], DESIGN).overlaps[0]
     assert overlaps
     return np.array(overlaps.mixing_shape(TONES[: values.shape[1]], index, error, **more))
 
