@@ -1,8 +1,8 @@
 """The documentation site: `make docs`, or `python docs/site/make_site.py [FOLDER]` (default: build/docs/site).
 
-The site has the pages of docs/, some completed with generated text, and pictures made by commands; nothing is written into
-docs/, and no network is needed. Exit code 4, with one line per fault, for dead links, unreadable docstrings and public names
-missing from their page.
+The site has the pages of docs/, the library's completed with its docstrings, and pictures made by commands; nothing is
+written into docs/, and no network is needed. Exit code 4, with one line per fault, for dead links, unreadable docstrings and
+public names missing from their page.
 """
 
 from __future__ import annotations
@@ -35,14 +35,12 @@ def pages(source: Path, with_pictures: bool = True) -> None:
     shutil.copy(ROOT / "CHANGELOG.md", source / "changelog.md")
     for page in source.rglob("*.md"):
         page.write_text(_within(page.read_text(encoding="utf-8"), page.parent.relative_to(source)), encoding="utf-8")
-    made = {name: "\n".join(lines()) for name, lines in reference.PAGES.items()}
     if with_pictures:
         (source / "gallery.md").write_text("\n".join(pictures.gallery_page(WORK / "pictures")), encoding="utf-8")
         for figure in pictures.figure_examples():
             pictures.made(figure, WORK / "pictures")
-    for name, text in made.items():
-        with (source / name).open("a", encoding="utf-8") as page:
-            page.write(f"\n{text}\n")
+    with (source / "reference" / "library.md").open("a", encoding="utf-8") as page:
+        page.write("\n" + "\n".join(reference.library()) + "\n")
     if with_pictures:
         shutil.copytree(
             WORK / "pictures",

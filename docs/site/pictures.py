@@ -135,7 +135,10 @@ def figure_examples() -> list[Example]:
 def made(example: Example, cache: Path, before: str = "") -> float:
     """Make an example's picture unless the cache has it; the processor seconds that its command took, with words before it."""
     command = before + example.command
-    sources = hashlib.sha256(f"{code_hash()} {command} {(SITE / 'figures.py').read_text()}".encode()).hexdigest()
+    named = [path for word in command.split() if (path := ROOT / word).is_file()]
+    drawn = sorted(path for folder in ("plots", "report", "cli") for path in (ROOT / "pipeline" / folder).glob("*.py"))
+    texts = [code_hash(), command, *(path.read_text() for path in (SITE / "figures.py", *named, *drawn))]
+    sources = hashlib.sha256(" ".join(texts).encode()).hexdigest()
     picture, note = cache / example.file, cache / f"{example.name}.json"
     if note.exists() and picture.exists() and (known := json.loads(note.read_text()))["sources"] == sources:
         return float(known["seconds"])

@@ -19,6 +19,7 @@ from pipeline.case.schema import MATERIAL_ALLOWED, TABLES, AttachedTable, Materi
 from pipeline.cli import main
 from pipeline.questions import known, registered
 from pipeline.questions import study as asked
+from pipeline.questions.command import asks
 from pipeline.records import part as declared
 from pipeline.records import record, tables
 from pipeline.records.outputs import unit_of
@@ -157,11 +158,11 @@ def json_fields() -> Iterator[str]:
             yield f"The fields of [{of}](#{of.lower()}){', and' if own else '.'}\n"
         if own:
             yield "\n".join([head("field", "meaning"), *(row(f"`{key}`", text) for key, text in own.items())])
-    for question in registered().values():
+    for question in sorted(registered().values(), key=lambda question: question.command()):
         result = question.result.__name__
         yield f"\n### `antinode {question.command()} --json FILE`\n\nThe fields of [{result}](#{result.lower()}).\n"
     yield "\n## Parts"
-    for name, answer in answers().items():
+    for name, answer in sorted(answers().items()):
         hints = get_type_hints(answer)
         yield f"\n### {name}\n\n{_summary(answer)}\n\n{head('field', 'meaning', 'type', 'unit')}"
         yield "\n".join(
@@ -249,11 +250,37 @@ def cite() -> Iterator[str]:
     yield f"```bibtex\n{(ROOT / 'docs' / 'references.bib').read_text(encoding='utf-8').strip()}\n```"
 
 
+def names() -> Iterator[str]:
+    """What every public name of `import antinode` is for, in a sentence."""
+    yield "\n| name | what it is for |\n| --- | --- |"
+    questions = {f"antinode.Plate.{key}" for key, value in vars(antinode.Plate).items() if isinstance(value, asks)}
+    for name in sorted(public_names() | questions, key=lambda name: (OWN.index(name.split(".")[1]), name)):
+        thing: Any = antinode
+        for step in name.split(".")[1:]:
+            thing = getattr(thing, step)
+        first = (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
+        yield f"| `{name.partition('.')[2]}` | {first} |"
+
+
+# text that follows the words of a page: committed with them, and made again by `python docs/site/reference.py`
 PAGES = {
     "reference/case-file.md": case_file,
     "reference/columns.md": columns,
     "reference/json.md": json_fields,
     "reference/commands.md": commands,
-    "reference/library.md": library,
+    "reference/library.md": names,
     "cite.md": cite,
 }
+MARK = "<!-- what follows is made by docs/site/reference.py -->"
+
+
+def completed(page: str) -> str:
+    """A page's own words with the text that is made for it."""
+    words = (ROOT / "docs" / page).read_text(encoding="utf-8").partition(MARK)[0].rstrip()
+    made = "\n".join(PAGES[page]()).strip()
+    return f"{words}\n\n{MARK}\n\n{made}\n"
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        (ROOT / "docs" / page).write_text(completed(page), encoding="utf-8")

@@ -42,8 +42,9 @@ def add_options(new: ArgumentParser) -> None:
     new.add_argument("place", metavar="FILE", help="case file to write")
     for name, (default, words) in WISHES.items():
         new.add_argument(
-            option(name), type=type(default), metavar=UNITS.get(name, "MM"), help=f"{words} (default: {default})"
-        )
+            option(name), type=type(default), metavar=UNITS.get(name, "MM"),
+            help=f"{words} (default: {default})" if default else words,
+        )  # fmt: skip
     new.add_argument("--force", action="store_true", help="overwrite an existing file")
 
 

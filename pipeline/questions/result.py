@@ -411,6 +411,9 @@ class Result(Part):
         """
         return self.plot().figure
 
+    def __str__(self) -> str:
+        return "\n".join(self.lines()) or repr(self)
+
     def _repr_html_(self) -> str:
         """Return the result in words and its picture, for a notebook."""
         out, words = io.BytesIO(), escape(repr(self))

@@ -17,21 +17,23 @@ from solvers.measures.confinement import CONFINED_DB
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LEAST = 3  # values of a key along an axis
+LEAST = 3  # values of a key along an axis; of three keys or more, 2
 MAX_PANELS, ACROSS = 12, 3  # in all, and next to each other
 MAX_WRITTEN = 12  # columns of a panel whose cells contain their level
 DARK = 0.45  # of the colour scale, below which letters are white
 
 
 def grid_of(study: StoredStudy) -> tuple[list[StoredCase], str, str] | None:
-    """Return the designs with a level and the two numeric keys with the most values, three or more; None without them."""
+    """Return the designs with a level and the two numeric keys with the most values; None without two of enough values."""
     cases = [case for case in study.cases if case.sweep and case.record.ranked_db is not None]
-    keys = [key for key in numeric_keys(study, cases) if len(_values(cases, key)) >= LEAST]
+    keys = [key for key in numeric_keys(study, cases) if len(_values(cases, key)) > 1]
+    if len(keys) < 3:
+        keys = [key for key in keys if len(_values(cases, key)) >= LEAST]
     return (cases, keys[0], keys[1]) if len(keys) > 1 else None
 
 
 def over_grid(study: StoredStudy) -> ReportFigure | None:
-    """Draw the level that ranks the designs over two numeric keys; None if fewer than two have three values.
+    """Draw the level that ranks the designs over two numeric keys; None if fewer than two have enough values.
 
     The level is that of the driven plate where there are patches, otherwise that of the target mode. Confined designs
     are framed. Further keys have a panel for each of their values.
@@ -59,6 +61,8 @@ def over_grid(study: StoredStudy) -> ReportFigure | None:
     bar = f"{driven}confinement (dB); framed: confined"
     figure.colorbar(image, ax=panels, label=bar, location="bottom", shrink=0.6, aspect=40)
     title = f"Confinement over {axis_label(along)} and {axis_label(down)}"
+    if len(shown) < len(groups):
+        title += f", the first {len(shown)} of {len(groups)} groups of designs"
     return ReportFigure("over_grid", title, _alt(study, cases, groups), figure, vector=True)
 
 
@@ -97,6 +101,7 @@ def _panel(
 ) -> Any:  # fmt: skip
     """Draw one panel: a coloured cell for each design, framed where it is confined."""
     from matplotlib.patches import Rectangle
+    from matplotlib.patheffects import withStroke
 
     (x_key, x), (y_key, y) = along, down
     levels = np.full((len(y), len(x)), np.nan)
@@ -106,7 +111,9 @@ def _panel(
         assert level is not None
         levels[row, column] = level
         if case.record.confined:
-            axes.add_patch(Rectangle((column - 0.46, row - 0.44), 0.92, 0.88, fill=False, ec="white", lw=1.4))
+            frame = Rectangle((column - 0.46, row - 0.44), 0.92, 0.88, fill=False, ec="white", lw=1.4)
+            frame.set_path_effects([withStroke(linewidth=2.8, foreground="black")])  # white alone is lost on yellow
+            axes.add_patch(frame)
         if written:
             dark = level < scale["vmin"] + DARK * (scale["vmax"] - scale["vmin"])
             look: dict[str, Any] = {"ha": "center", "va": "center", "color": "white" if dark else "black"}

@@ -124,11 +124,15 @@ def test_the_filter_takes_words_and_comparisons(visit: Visits, study: Path) -> N
         ("confinement>10", ["4"]),
         ("array.pitch_mm<=6 ok", ["4", "6"]),
         ("pitch_mm <= 6 and confinement>10", ["4"]),
+        ("confinement (dB) > 10, array.pitch_mm <= 6", ["4"]),
+        ("ok confinement > 10", ["4"]),
         ("", ["4", "6", "12"]),
     ):
         field.fill(words)
         assert column(page, 1) == left, words
         assert page.locator('[data-shown="cases-table"]').inner_text() == f"{len(left)} of 3 shown"
+    field.fill("colour > 3")
+    assert "no column begins with “colour”" in page.locator('[data-shown="cases-table"]').inner_text()
     assert page.locator('section#table a[href="table.csv"]').is_visible()
 
 

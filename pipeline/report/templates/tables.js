@@ -30,27 +30,41 @@
     table.tBodies[0].append(...rows);
   }
 
-  // A word matches anywhere in a row; `column>10` compares a column, named by the start of its heading, or of its key, without spaces.
+  // A word matches anywhere in a row; `column > 10` compares a column, named by the start of its heading or of its key.
   const plain = (text) => text.toLowerCase().replace(/[^\p{L}\p{N}]/gu, "");
   const COMPARE = { "<": (a, b) => a < b, ">": (a, b) => a > b, "<=": (a, b) => a <= b, ">=": (a, b) => a >= b, "=": (a, b) => a === b };
-  function test(table, word) {
-    const [, name, sign, limit] = word.match(/^(.+?)(<=|>=|<|>|=)(-?[\d.]+(?:e-?\d+)?)$/) ?? [];
-    const headings = [...table.tHead.rows[0].cells];
+  const CONDITION = /([^<>=]*)(<=|>=|<|>|=)\s*(-?[\d.]+(?:e-?\d+)?)/g;
+  const words = (text) => text.split(/[\s,]+/).filter((word) => word && word !== "and");
+  const has = (word) => (row) => row.textContent.toLowerCase().includes(word);
+
+  function column_of(table, name) {
     const named = (heading) => [heading.dataset.name ?? "", heading.textContent, heading.textContent.split(".").pop()]
       .some((text) => plain(text).startsWith(plain(name)));
-    const column = name && plain(name) ? headings.findIndex(named) : -1;
-    if (column < 0) return (row) => row.textContent.toLowerCase().includes(word);
-    return (row) => COMPARE[sign](number(value(row, column)), Number(limit));
+    return plain(name) ? [...table.tHead.rows[0].cells].findIndex(named) : -1;
+  }
+
+  // The last words before a sign name its column, as many as begin a heading; those before them are words to find.
+  function tests_of(table, text) {
+    const found = [];
+    for (const [, before, sign, limit] of text.matchAll(CONDITION)) {
+      const own = words(before);
+      const first = own.findIndex((_, i) => column_of(table, own.slice(i).join(" ")) >= 0);
+      if (first < 0) return { unknown: own.join(" ") || sign };
+      const column = column_of(table, own.slice(first).join(" "));
+      found.push(...own.slice(0, first).map(has), (row) => COMPARE[sign](number(value(row, column)), Number(limit)));
+    }
+    return { tests: [...found, ...words(text.replace(CONDITION, "")).map(has)] };
   }
 
   function filter(field) {
     const table = document.getElementById(field.dataset.filter);
-    const tests = field.value.toLowerCase().replace(/\s*([<>]=?|=)\s*/g, "$1").split(/\s+/).filter((word) => word && word !== "and").map((word) => test(table, word));
+    const { tests = [() => false], unknown } = tests_of(table, field.value.toLowerCase());
     const rows = [...table.tBodies[0].rows];
     for (const row of rows) row.hidden = !tests.every((holds) => holds(row));
     const shown = rows.filter((row) => !row.hidden).length;
     document.querySelector(`[data-shown="${field.dataset.filter}"]`).textContent =
-      `${shown} of ${rows.length} shown${shown ? "" : ": no row has all of it (example: confinement>10 rows=2)"}`;
+      unknown ? `no column begins with “${unknown}” (example: confinement > 10, rows = 2)`
+        : `${shown} of ${rows.length} shown${shown ? "" : ": no row has all of it (example: confinement > 10, rows = 2)"}`;
   }
 
   for (const table of document.querySelectorAll("table.sortable")) {
