@@ -285,7 +285,7 @@ PICTURES = (".png", ".svg", ".pdf")
 
 def prepare(text: argparse.Namespace) -> None:
     """Read and check the files of an action before contacting the board. Raises ValueError."""
-    written = text.file if text.action in ("log", "capture") else getattr(text, "plot", None)
+    written = text.file if text.action in ("log", "capture", PAGE) else getattr(text, "plot", None)
     if written and (written.exists() or not written.parent.is_dir()):
         raise ValueError(f"{written}: {'file already exists' if written.exists() else 'no such folder'}")
     if text.action == "upload":
@@ -300,10 +300,10 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit code."""
     text = parser_of_all().parse_args(with_port(sys.argv[1:] if arguments is None else arguments))
     try:
+        prepare(text)
         if text.action == PAGE:
             print(page.write(text.file))
             return 0
-        prepare(text)
         with closing(SerialPort(text.port)) as port, _ended_like_interrupted():
             return carry_out(Client(port), text)
     except ValueError as error:

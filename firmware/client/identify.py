@@ -317,8 +317,12 @@ def _values(board: Board, response: Response) -> tuple[Measured, Loop, float, Fi
 
 
 def _of_one_or_two(response: Response, single: Fit, delay_s: float) -> Fit:
-    """Return the fit of two modes where it is clearly the better one."""
-    mode, sweep = single.modes[0], response.sweep
+    """Return the fit of two modes where it is clearly the better one.
+
+    A second mode far off may disturb what is fitted up to it more than one or two modes explain: then the target's own
+    surroundings are fitted, and the second mode counts as a neighbour.
+    """
+    alone, mode, sweep = single, single.modes[0], response.sweep
     span_hz = _span(sweep, mode, _reach_of_second(response, mode, delay_s))
     single, double = (fit(sweep, response.mean, delay_s, mode, count, span_hz) for count in (1, 2))
     first, second = double.modes
@@ -330,6 +334,8 @@ def _of_one_or_two(response: Response, single: Fit, delay_s: float) -> Fit:
     if told_apart and better and counts:
         return double
     if _without_noise(single, response.noise2) > MISFIT_MOST and better and not told_apart:
+        if _without_noise(alone, response.noise2) <= MISFIT_MOST:
+            return alone
         near = [response.sweep.carrier_hz + mode.away_hz for mode in double.modes]
         raise NotIdentified(
             f"two modes near {near[0]:.0f} and {near[1]:.0f} Hz cannot be told apart: change the plate or the place "

@@ -245,12 +245,15 @@ def test_the_log_ends_on_the_board_when_interrupted(monkeypatch: pytest.MonkeyPa
     assert kinds(port)[-1] is Kind.LOG and port.requests[-1].payload == bytes(4)
 
 
-def test_a_file_that_stands_is_not_logged_over(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
-    file = tmp_path / "log.csv"
+@pytest.mark.parametrize("action", ["log", "page"])
+def test_a_file_that_stands_is_not_written_over(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys, action: str
+) -> None:
+    file = tmp_path / "file"
     file.write_text("mine")
-    assert run(monkeypatch, FakePort(), "log", str(file)) == 2
+    assert run(monkeypatch, FakePort(), action, str(file)) == 2
     assert "file already exists" in capsys.readouterr().err and file.read_text() == "mine"
-    assert run(monkeypatch, FakePort(), "log", str(tmp_path / "none" / "log.csv")) == 2
+    assert run(monkeypatch, FakePort(), action, str(tmp_path / "none" / "file")) == 2
 
 
 @pytest.mark.parametrize(
