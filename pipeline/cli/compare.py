@@ -16,7 +16,7 @@ from pipeline.logs import TerminalLog
 from pipeline.paths import REFERENCE, STUDIES
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
-from pipeline.quantity import KHZ, figure, frequency, percent, percentage, signed
+from pipeline.quantity import KHZ, figure, frequency, percent, percentage, several, signed
 from pipeline.questions.bands import NAMES, Bands, BandsResult
 from pipeline.questions.command import Answer, emit, of_case
 from pipeline.questions.question import Run, ask
@@ -126,6 +126,9 @@ NOT_COMPARED = (
     "directional_gaps",
 )
 
+# parts of a computation's record, not of its design
+BEHIND = {"case_id", "input_hash", "diagnosis", "dof", "count_check", "error_bar", "widest_bar", "index", "shapes"}
+
 
 @dataclass(frozen=True)
 class Design:
@@ -146,8 +149,11 @@ def run(arguments: Namespace) -> int:
     head = ("quantity", "a", "b", "difference")
     cells = [[row[key] for key in head] for row in rows]
     document = {"a": arguments.a, "b": arguments.b, "rows": rows}
-    lines = [_in_words(row, one.quantities, two.quantities) for row in rows]
-    words = [outputs.table(head, lines) if lines else "nothing differs"]
+    shown = [row for row in rows if arguments.all or not _is_behind(row["quantity"])]
+    lines = [_in_words(row, one.quantities, two.quantities) for row in shown]
+    words = [outputs.table(head, lines) if lines else "nothing differs" if not rows else "no figure differs"]
+    if behind := len(rows) - len(shown):
+        words.append(f"{several(behind, 'row')} of error bars, counts and identifiers differ, too: --all lists them")
     left = 0 if arguments.all else len(known) - len(alike)
     if left:
         words.append(f"{left} quantities are known for only one of the two: --all lists them")
@@ -155,10 +161,21 @@ def run(arguments: Namespace) -> int:
     return emit(arguments, "compare", Answer(document, words, head, cells, pictures))
 
 
+def _is_behind(name: str) -> bool:
+    """Whether a quantity is an error bar, a count or an identifier of a computation, not a figure of the design."""
+    parts = name.split(".")
+    return not BEHIND.isdisjoint(parts) or "error" in parts[-1]
+
+
 def _in_words(row: dict[str, Any], one: Flat, two: Flat) -> list[str | None]:
-    """Format a row: figures with the digits of their error bars, given values unchanged, the difference in percent."""
+    """Format a row: figures with the digits of their error bars, given values unchanged, the difference in percent, of levels
+    in dB.
+    """
     name, difference = row["quantity"], row["difference"]
     apart = None if difference is None else signed(percentage(difference))
+    if difference is not None and _named(name.rpartition(".")[2])[1].unit == "dB":
+        bars = [bar for known in (one, two) if (bar := known.get(bar_of(name, known) or "")) is not None]
+        apart = f"{signed(figure(row['b'] - row['a'], sum(bars) if len(bars) > 1 else None))} dB"
     return [_heading(name), _shown(name, one), _shown(name, two), apart]
 
 

@@ -161,7 +161,7 @@ def test_a_second_mode_close_by_is_told_apart(core, quality_factor: float, hz: f
 
 @pytest.mark.parametrize("away", [-0.03, 0.01])
 def test_a_plate_among_modes_farther_off_is_held(core, away: float) -> None:
-    """Places in half-bandwidths and shares of the gain: those of a plate of three rows, whose strongest neighbour is far off."""
+    """Places in half-bandwidths and shares of the gain: of a plate of three rows, whose strongest neighbour is far off."""
     modes = (-22.7, 0.0), (-21.6, -0.115), (-15.8, -0.019), (-10.7, -0.037), (12.1, -0.013), (16.3, 0.13)
     half = 34810.0 / (2.0 * 300.8)
     bench = Bench(300.8, away, 34810.0, 1.175, others=tuple((at * half, share) for at, share in modes))

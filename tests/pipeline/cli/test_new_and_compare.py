@@ -465,6 +465,23 @@ def test_states_and_gaps_are_compared_one_by_one(tmp_path: Path, capsys: pytest.
     ]
 
 
+def test_levels_are_compared_in_decibels_and_identifiers_on_request(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    places = []
+    for name, level in (("a", 0.85), ("b", 17.89)):
+        target = {"confinement_db": level, "confinement_error_db": level / 10.0, "frequency_hz": 1e4 * (2.0 + level)}
+        places.append(tmp_path / f"{name}.json")
+        places[-1].write_text(json.dumps({"dof": round(100 * level), "target": target}))
+    assert main(["compare", *map(str, places), "--quiet"]) == 0
+    shown = capsys.readouterr().out
+    assert "+17.0 dB" in shown and "+598 %" in shown and shown.count("dB)") == 1 and "dof" not in shown
+    assert "2 rows of error bars, counts and identifiers differ, too: --all lists them" in shown
+    assert main(["compare", *map(str, places), "--quiet", "--all"]) == 0
+    shown = capsys.readouterr().out
+    assert "dof" in shown and shown.count("dB)") == 2
+
+
 def test_a_record_that_was_edited_is_not_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,)) / "pitch_mm=4,rows=1"
     assert main(["compare", str(folder), str(folder), "--quiet"]) == 0

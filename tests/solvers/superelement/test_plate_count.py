@@ -98,3 +98,15 @@ def test_what_rounding_leaves_of_entries_that_symmetry_makes_zero_is_not_stored(
         assert (
             left.data <= 4e-14 * size[left.row] * size[left.col]
         ).all()  # no entry is the sum of more than four panels'
+
+
+def test_the_touch_face_in_parts_is_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No panel is left out or counted twice, and the last part may be smaller."""
+    plate = model(2e3, False).assembled("SS")
+    monkeypatch.setattr(plate_module, "CELLS", 4)
+    assert len(plate.placed_cells) > 4 and len(plate.placed_cells) % 4
+    vectors = np.random.default_rng(1).normal(size=(plate.dof, 2))
+    whole, parts = plate.touch(vectors), list(plate.touch_parts(vectors))
+    assert len(parts) > 1
+    for name in ("points", "weights", "values"):
+        assert np.array_equal(np.concatenate([getattr(part, name) for part in parts]), getattr(whole, name)), name
