@@ -29,7 +29,7 @@ HEARD_S = 0.2  # longest wait before an interruption takes effect, whichever thr
 WAIT_S = 5e-4
 # Of glibc's malloc.h. All threads share one heap: arrays are few and large, and an arena of each thread's own keeps what it
 # once held. A solve makes and drops arrays of some megabytes by the hundred: given back to the system each time, their pages
-# cost a tenth of a solve when they come again. The thresholds are the highest that glibc would find itself.
+# cost a tenth of a solve when they come again. Arrays of up to 32 MiB, glibc's limit, lie on the heap, which keeps 256.
 ARENA_MAX, TRIM_THRESHOLD, MMAP_THRESHOLD = -8, -1, -3
 HEAP = {ARENA_MAX: 1, TRIM_THRESHOLD: 2**28, MMAP_THRESHOLD: 2**25}
 # rslab has a heap of its own, mimalloc's, read when it is loaded: pages that it gave back after its own 10 ms and zeroed again

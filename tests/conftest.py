@@ -100,3 +100,19 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
     if reasons:
         summary = "; ".join(f"{count} ({reason})" for reason, count in reasons.most_common())
         terminalreporter.write_line(f"{len(skipped)} tests were skipped: {summary}")
+
+
+@pytest.fixture
+def analysed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Entries of each matrix whose pattern rslab analyses from now on."""
+    from solvers.fem import factor
+
+    entries: list[int] = []
+    analyse = factor._analysed
+
+    def noted(matrix: Any) -> Any:
+        entries.append(matrix.nnz)
+        return analyse(matrix)
+
+    monkeypatch.setattr(factor, "_analysed", noted)
+    return entries

@@ -17,13 +17,14 @@ import tempfile
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import ceil
 from pathlib import Path
 from typing import Any
 
 from PIL import Image, ImageChops, ImageOps
 
-from pipeline.records.store import code_hash
+from pipeline.records.store import SHOWING, code_hash
 
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[1]
@@ -132,13 +133,18 @@ def figure_examples() -> list[Example]:
     return drawn + [Example(each["name"], each["name"], each["picture"], each["command"], "") for each in listed]
 
 
+@cache
+def _drawing() -> bytes:
+    """The files that draw and word a picture, which `code_hash` leaves out."""
+    files = {path for pattern in (*SHOWING, "docs/site/figures.py") for path in ROOT.glob(pattern) if path.is_file()}
+    return b" ".join(path.read_bytes() for path in sorted(files))
+
+
 def made(example: Example, cache: Path, before: str = "") -> float:
     """Make an example's picture unless the cache has it; the processor seconds that its command took, with words before it."""
     command = before + example.command
-    named = [path for word in command.split() if (path := ROOT / word).is_file()]
-    drawn = sorted(path for folder in ("plots", "report", "cli") for path in (ROOT / "pipeline" / folder).glob("*.py"))
-    texts = [code_hash(), command, *(path.read_text() for path in (SITE / "figures.py", *named, *drawn))]
-    sources = hashlib.sha256(" ".join(texts).encode()).hexdigest()
+    named = [path.read_bytes() for word in command.split() if (path := ROOT / word).is_file()]
+    sources = hashlib.sha256(b" ".join([code_hash().encode(), command.encode(), _drawing(), *named])).hexdigest()
     picture, note = cache / example.file, cache / f"{example.name}.json"
     if note.exists() and picture.exists() and (known := json.loads(note.read_text()))["sources"] == sources:
         return float(known["seconds"])

@@ -252,14 +252,13 @@ def cite() -> Iterator[str]:
 
 def names() -> Iterator[str]:
     """What every public name of `import antinode` is for, in a sentence."""
-    yield "\n| name | what it is for |\n| --- | --- |"
+    yield f"\n{head('name', 'what it is for')}"
     questions = {f"antinode.Plate.{key}" for key, value in vars(antinode.Plate).items() if isinstance(value, asks)}
     for name in sorted(public_names() | questions, key=lambda name: (OWN.index(name.split(".")[1]), name)):
         thing: Any = antinode
         for step in name.split(".")[1:]:
             thing = getattr(thing, step)
-        first = (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
-        yield f"| `{name.partition('.')[2]}` | {first} |"
+        yield row(f"`{name.partition('.')[2]}`", (inspect.getdoc(thing) or "").split("\n\n")[0])
 
 
 # text that follows the words of a page: committed with them, and made again by `python docs/site/reference.py`

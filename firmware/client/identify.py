@@ -316,13 +316,13 @@ def _values(board: Board, response: Response) -> tuple[Measured, Loop, float, Fi
     return values, chosen, coherence, best
 
 
-def _of_one_or_two(response: Response, single: Fit, delay_s: float) -> Fit:
+def _of_one_or_two(response: Response, alone: Fit, delay_s: float) -> Fit:
     """Return the fit of two modes where it is clearly the better one.
 
     A second mode far off may disturb what is fitted up to it more than one or two modes explain: then the target's own
     surroundings are fitted, and the second mode counts as a neighbour.
     """
-    alone, mode, sweep = single, single.modes[0], response.sweep
+    mode, sweep = alone.modes[0], response.sweep
     span_hz = _span(sweep, mode, _reach_of_second(response, mode, delay_s))
     single, double = (fit(sweep, response.mean, delay_s, mode, count, span_hz) for count in (1, 2))
     first, second = double.modes

@@ -151,7 +151,8 @@ def run(arguments: Namespace) -> int:
     document = {"a": arguments.a, "b": arguments.b, "rows": rows}
     shown = [row for row in rows if arguments.all or not _is_behind(row["quantity"])]
     lines = [_in_words(row, one.quantities, two.quantities) for row in shown]
-    words = [outputs.table(head, lines) if lines else "nothing differs" if not rows else "no figure differs"]
+    nothing = "no figure differs" if rows else "nothing differs"
+    words = [outputs.table(head, lines) if lines else nothing]
     if behind := len(rows) - len(shown):
         words.append(f"{several(behind, 'row')} of error bars, counts and identifiers differ, too: --all lists them")
     left = 0 if arguments.all else len(known) - len(alike)
@@ -168,9 +169,7 @@ def _is_behind(name: str) -> bool:
 
 
 def _in_words(row: dict[str, Any], one: Flat, two: Flat) -> list[str | None]:
-    """Format a row: figures with the digits of their error bars, given values unchanged, the difference in percent, of levels
-    in dB.
-    """
+    """Format a row: figures with the digits of their error bars, given values unchanged, differences in percent or dB."""
     name, difference = row["quantity"], row["difference"]
     apart = None if difference is None else signed(percentage(difference))
     if difference is not None and _named(name.rpartition(".")[2])[1].unit == "dB":

@@ -71,7 +71,6 @@ from solvers.measures.confinement import (
     Overlaps,
     Pair,
     Weighed,
-    measure,
     mixed_energy,
     mixed_shares,
     share_error,
@@ -930,7 +929,7 @@ def _of_zone(case: Case, solved: PartModes, number: int) -> ZoneTarget:
     """The target mode of the zone in the middle of a view of the plate."""
     known = solved.whole_window
     columns = [row.column for row in known.rows]
-    measures = measure(solved.model.touch(None, solved.vectors[None][:, columns]), case.design, None)
+    measures = _weighed(case, solved.model, None, solved.vectors[None][:, columns]).measures
     rows = tuple(measured(row, measures, place) for place, row in enumerate(known.rows))
     seen = replace(known, rows=rows, target=look_among(rows, known.count), overlaps={})
     record = _with_level_bars(case, seen).target_part()

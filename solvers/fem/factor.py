@@ -250,9 +250,9 @@ class Factoriser:
     def __call__(self, matrix: sp.csc_array) -> Factor:
         """Factor of a symmetric matrix. Raises SingularShift when it is singular to working precision, TooLarge."""
         raise_if_cancelled()
-        known = self._symbolic.pop(matrix.nnz, None)
-        factor = (Rslab if self.backend == "rslab" else SuperLU)(matrix, known)
-        self._symbolic = dict([*self._symbolic.items(), (matrix.nnz, factor.symbolic)][-PATTERNS:])
+        factor = (Rslab if self.backend == "rslab" else SuperLU)(matrix, self._symbolic.get(matrix.nnz))
+        others = {entries: each for entries, each in self._symbolic.items() if entries != matrix.nnz}
+        self._symbolic = dict([*others.items(), (matrix.nnz, factor.symbolic)][-PATTERNS:])
         _probe(matrix, factor)
         return factor
 

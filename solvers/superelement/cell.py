@@ -118,6 +118,7 @@ NULL_TOLERANCE = 1e-10  # of the mean stiffness or mass of a function: rounding
 RIGID = 1e-8
 # of the mass: slender stiff pillars on a soft plate follow it to 1e-8 times their stiffness over the plate's
 MASS_TOLERANCE = 1e-6
+DROP_TOLERANCE = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from solvers.fem.factor import Factoriser
 from solvers.fem.prestress import PLACES
 from solvers.fem.surface import Skin, triangles
 from solvers.measures.confinement import TouchField
-from solvers.superelement.cell import Cell, Expansion, PlacedCell, SurfaceRule, with_further
+from solvers.superelement.cell import DROP_TOLERANCE, Cell, Expansion, PlacedCell, SurfaceRule, with_further
 from solvers.superelement.clamped import softened
 from solvers.superelement.interface import OFFSETS, SIDES, VERTICES, Interface
 from solvers.superelement.prestress import Prestress
@@ -36,7 +36,6 @@ from solvers.superelement.supports import Action, Hold, actions, at_edge, full_p
 Kept = TypeVar("Kept")
 CELLS = 10  # whose touch faces are evaluated at once
 WHOLE = ""  # no mirror: every panel is assembled
-DROP_TOLERANCE = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
 
 
 class AssembledPlate:

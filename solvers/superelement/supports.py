@@ -23,14 +23,11 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.solid import rigid_body_modes
 from solvers.fem.surface import grid_weights
-from solvers.superelement.cell import Cell, PlacedCell
+from solvers.superelement.cell import DROP_TOLERANCE, Cell, PlacedCell
 
 AXES = "xyz"
 REACH = 2  # panels about a disc that keep all boundary functions
 RINGS, SPOKES = 6, 24  # points of a disc: exact for polynomials of degree 11 and for harmonics below 24
-ROUNDED = (
-    1e-14  # over sqrt(a_ii a_jj): what orthogonal functions leave by rounding would be another pattern than the cells'
-)
 RANK = 1e-9  # of the largest singular value of what the supports hold
 # rigid-body modes of the symmetry classes of u_z, x then y: translations x, y, z, rotations about x, y, z
 RIGID_OF_CLASS = {"SS": (2,), "SA": (1, 3), "AS": (0, 4), "AA": (5,)}
@@ -49,8 +46,9 @@ class Action:
         """Sum of w_q b_q' b_q, (dof, dof)."""
         own = self.rows[axis]
         full = sp.coo_array(own.T @ sp.diags_array(self.weights) @ own)
-        size = np.sqrt(np.bincount(own.indices, self.weights.repeat(np.diff(own.indptr)) * own.data**2, own.shape[1]))
-        kept = np.abs(full.data) > ROUNDED * size[full.row] * size[full.col]
+        size = np.sqrt(full.diagonal())
+        # what orthogonal functions leave by rounding would be another pattern than the cells'
+        kept = np.abs(full.data) > DROP_TOLERANCE * size[full.row] * size[full.col]
         return sp.csc_array((full.data[kept], (full.row[kept], full.col[kept])), shape=full.shape)
 
     def stiffness(self, scale: Scale) -> sp.csc_array:

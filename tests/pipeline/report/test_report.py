@@ -473,4 +473,6 @@ def test_many_cases_fold_below_the_best_and_the_appendix_holds_the_rest(
     assert fold < warnings < appendix < raw.index("Simplifications and their reasons</summary>")
     assert raw.count("<summary>Mesh, inertia count, computing time, files</summary>") == 15
     few = synthetic.put_study(tmp_path / "few", rows=(1,))
-    assert "All other cases" not in report_page.build(few, max_figures=0).read_text()
+    assert "<summary>Inputs of all cases</summary>" in raw
+    assert "All other cases" not in (short := report_page.build(few, max_figures=0).read_text())
+    assert "Inputs of all cases" not in short

@@ -89,6 +89,19 @@ def test_a_singular_matrix_is_noticed(backend: str, fault: str) -> None:
         Factoriser(backend)(matrix)
 
 
+def test_two_patterns_and_a_singular_matrix_between_are_analysed_once_each(analysed: list[int]) -> None:
+    full, factorise = shifted(pencil()), Factoriser("rslab")
+    diagonal = sp.csc_array(sp.diags_array(np.arange(1.0, 42.0), format="csc"))
+    singular = sp.csc_array((np.arange(-20.0, 21.0), diagonal.indices, diagonal.indptr), shape=diagonal.shape)
+    for matrix in (full, diagonal):
+        factorise(matrix)
+    with pytest.raises(SingularShift):
+        factorise(singular)
+    for matrix in (diagonal, full):
+        factorise(matrix)
+    assert analysed == [full.nnz, diagonal.nnz]
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_what_does_not_fit_is_refused_before_it_is_factorised(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     matrix = shifted(pencil("hex3"))
