@@ -41,6 +41,8 @@ ALIKE = 0.9  # gain over the first one's, above which neither is the target
 LINEAR, BENT = 0.01, 0.1  # relative change of the response with the level: none, and too much
 QUIETER, REPEATS = 0.25, 2
 CODES_LEAST = 16.0  # of the DAC, in amplitude
+ADC_STEP = 1.0 / 2048.0
+STEPS_ERROR = 2.0 / math.pi * ADC_STEP  # of an amplitude: a square wave of half a step either way
 REST_S, LOOK_S = 1.0, 2e-3
 SURVEY_NOISE = 6.0
 OPPOSED, OPPOSED_MOST, OPPOSED_NEAR = 3.0, 0.65, 6.0  # bound of the loop, ratio of gains, half-bandwidths
@@ -204,7 +206,7 @@ def _search(client: Client, board: Board) -> tuple[Response, Mode]:
     for level in [max(wider * level, _least_level(board)) for level in SEARCH_LEVELS]:
         seen = [measure(client, sweep, level, board.drive_limit, SEARCH_PAIRS) for sweep in sweeps]
         best = max(seen, key=lambda one: float(np.abs(one.mean).max() / math.sqrt(one.noise2 + 1e-300)))
-        if np.abs(best.mean).max() > ABOVE_NOISE * math.sqrt(best.noise2) and best.motion > 4.0 / 2048.0:
+        if np.abs(best.mean).max() > ABOVE_NOISE * math.sqrt(best.noise2) and best.motion > 4.0 * ADC_STEP:
             break
     else:
         raise NotIdentified(
@@ -248,7 +250,7 @@ def _measured(client: Client, board: Board, response: Response, first: Mode) -> 
     bent, least = 0.0, _least_level(board)
     for _ in range(REPEATS + 1):
         soft = measure(client, sweep, max(QUIETER * loud.level, least), board.drive_limit, SOFT_PAIRS)
-        bent = _change(loud, soft, mode)
+        bent = _change(loud, soft, mode, board.drive_limit)
         if bent < LINEAR or soft.level == least:
             return loud, bent
         loud = measure(client, sweep, soft.level, board.drive_limit, PAIRS)
@@ -261,15 +263,16 @@ def _measured(client: Client, board: Board, response: Response, first: Mode) -> 
     return loud, bent
 
 
-def _change(loud: Response, soft: Response, mode: Mode) -> float:
-    """Relative rms change of the response near the resonance from one level to another, without that of noise."""
+def _change(loud: Response, soft: Response, mode: Mode, drive_limit: float) -> float:
+    """Relative rms change of the response near the resonance from one level to another, without noise and ADC steps."""
     near = np.abs(loud.sweep.lines_hz) <= max(2.0 * mode.half_hz, 3.0 * loud.sweep.spacing_hz)
     changed = np.mean(np.abs(loud.mean - soft.mean)[near] ** 2)
     averaged = (loud.level / soft.level) ** 2 * len(loud.pairs) / len(soft.pairs)
-    noise = loud.noise2 * (1.0 + averaged)
+    steps2 = (STEPS_ERROR / drive_limit) ** 2 * (loud.level**-2 + soft.level**-2)
+    noise = loud.noise2 * (1.0 + averaged) + steps2
     if changed < 3.0 * noise:
         return 0.0
-    return float(math.sqrt((changed - noise) / np.mean(np.abs(soft.mean[near]) ** 2)))
+    return float(math.sqrt((changed - noise) / np.mean(np.abs(loud.mean[near]) ** 2)))
 
 
 def _span(sweep: Sweep, first: Mode, least_hz: float = 0.0) -> float:

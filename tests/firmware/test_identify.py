@@ -184,6 +184,18 @@ def test_a_plate_that_softens_or_stiffens_is_measured_at_a_lower_level(
     assert abs(bench.held()) < 2e-3
 
 
+@pytest.mark.parametrize(("quality_factor", "gain"), [(300.0, 0.02), (1000.0, 0.05)])
+def test_the_steps_of_the_converter_are_not_taken_for_a_plate_that_bends(
+    core, quality_factor: float, gain: float
+) -> None:
+    """Without noise, a quarter of the level leaves a few steps of the ADC, or none."""
+    bench = Bench(quality_factor, 0.02, gain=gain, noise=0.0)
+    found = identify(bench.client)
+    share = identification.STEPS_ERROR / gain + 1.0 / quality_factor
+    assert found.bent == 0.0 and close(found, bench, share * TRUE / quality_factor, share)
+    assert abs(bench.held()) < share
+
+
 def test_an_amplifier_that_clips_is_measured_where_it_does_not(core) -> None:
     bench = Bench(300.0, 0.02)
     bench.rig.rig.plate.swing = 0.1
