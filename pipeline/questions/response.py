@@ -115,6 +115,8 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     True
     """
 
+    moves = "pipeline.report.shapes.response_in_frame"
+
     model: str = column("model and element order, and the number of patches")
     dof: int = column("degrees of freedom that were solved for")
     frequency_hz: list[float] = column("frequencies", "Hz", along="frequency_hz")

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from html import escape
+from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
@@ -133,6 +134,7 @@ class Result(Part):
     """
 
     title: ClassVar[str] = ""  # the question in words; set by the question
+    moves: ClassVar[str] = ""  # function of the report that makes its interactive part for a notebook
     table: ClassVar[str] = ""
     axes: ClassVar[Axis] = ()
     figures: ClassVar[dict[str, Figure[Any]]] = {}
@@ -415,11 +417,16 @@ class Result(Part):
         return "\n".join(self.lines()) or repr(self)
 
     def _repr_html_(self) -> str:
-        """Return the result in words and its picture, for a notebook."""
+        """Return the result in words, its picture and what moves of it, for a notebook."""
         out, words = io.BytesIO(), escape(repr(self))
         self.as_figure().savefig(out, format="png", dpi=110, bbox_inches="tight")
         data = base64.b64encode(out.getvalue()).decode()
-        return f'<p>{words}</p><img alt="{words}" src="data:image/png;base64,{data}">'
+        return f'<p>{words}</p><img alt="{words}" src="data:image/png;base64,{data}">{self._moving()}'
+
+    def _moving(self) -> str:
+        """Return the interactive part for a notebook, made by the function of the report that `moves` names."""
+        module, _, name = self.moves.rpartition(".")
+        return str(getattr(import_module(module), name)(self)) if name else ""
 
 
 def _length(part: Part, along: Axis) -> int:

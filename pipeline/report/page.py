@@ -27,7 +27,7 @@ from pipeline.records.study import StoredCase, StoredStudy, read_study
 from pipeline.report import gallery, text
 from pipeline.report import shapes as moving_shapes
 from pipeline.report.gallery import sketch
-from pipeline.report.html import PAGE, SCHEMA, Embedder, link, render, script_data, vendored
+from pipeline.report.html import PAGE, SCHEMA, Embedder, link, render
 from pipeline.report.text import TITLE
 from solvers.errors import SolverError
 
@@ -272,14 +272,7 @@ def _moving(study: StoredStudy, pages: list[CasePage]) -> tuple[dict[str, Any], 
     troubles: list[str] = []
     plates = _fitting("animated mode shapes", partial(moving_shapes.plates, cases, best, stills), troubles)
     diagrams = _fitting("interactive dispersion diagram", partial(moving_shapes.diagrams, study, best), troubles)
-    moves = plates["shapes"] or diagrams["shapes"]
-    parts = {
-        "shapes": script_data(plates) if plates["shapes"] else "",
-        "bands": [cell["name"] for cell in diagrams["cells"]],
-        "bands_data": script_data(diagrams),
-        "three": vendored("three.min.js") if moves else "",
-    }
-    return parts, troubles
+    return moving_shapes.parts(plates, diagrams), troubles
 
 
 def _fitting(name: str, make: Callable[[], dict[str, Any]], troubles: list[str]) -> dict[str, Any]:

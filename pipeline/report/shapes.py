@@ -1,10 +1,11 @@
-"""Animated parts of a page: mode shapes, and dispersion diagrams with wave shapes, as packed coarse surfaces."""
+"""Animated parts of pages and notebooks: mode shapes, and dispersion diagrams with wave shapes, as packed surfaces."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -16,15 +17,22 @@ from pipeline import quantity
 from pipeline.plots.fields import FloatArray, IntArray, skin_faces
 from pipeline.quantity import frequency, level
 from pipeline.questions.bands import MARKS, PILLAR, BandPoint, BandsResult
+from pipeline.questions.modes import ModesResult
+from pipeline.questions.response import ResponseResult
 from pipeline.records.store import canonical_json
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import axis_label
-from pipeline.report.html import deflated
+from pipeline.report.html import deflated, render, script_data, vendored
 
 MAX_SHAPES = 16  # largest number of plates in a page
 MIN_OF_BEST = 4
+IN_NOTEBOOK = 6  # modes in a notebook's frame, nearest to the target mode, which comes first
+FRAME_PX = {"modes": 680, "bands": 740}
 MAX_POINTS = 9000  # limit for a transmitted surface; only a quarter is sent if the others are its mirror images
 FULL = 32767
+REACH = 0.4  # largest displacement of a plate as first drawn, relative to its height
+NO_CELLS: dict[str, Any] = {"cells": [], "shapes": []}
+WHOLE = {"flip": [1, 1, 1], "parity": 1}
 QUARTER = ((1, 1), (-1, 1), (1, -1), (-1, -1))
 
 
@@ -95,33 +103,42 @@ def plates(cases: Sequence[StoredCase], best: StoredCase | None, stills: dict[st
 
 def _add_plate(gallery: Gallery, case: StoredCase, most: int, still: str) -> None:
     arrays, design = case.arrays(), case.record.design
-    facets = skin_faces(arrays, "surface")
-    if design is None or facets is None or "surface_u" not in arrays:
+    if design is None or "surface_u" not in arrays:
         return
-    points, facets, u, copies = quarter(arrays, facets, most)
-    facets = with_sides(points, facets, design.thickness_m)
+    tones = arrays.get("surface_frequency_hz", np.full(len(arrays["surface_u"]), np.nan))
+    words = [_words(case, float(tone), number == 0) | {"still": still} for number, tone in enumerate(tones[:most])]
+    _add_body(gallery, arrays, design.thickness_m, words)
+
+
+def _add_body(
+    gallery: Gallery, arrays: dict[str, Any], thickness_m: float | None, words: Sequence[dict[str, str]]
+) -> None:
+    """Add a body in the first of its modes, one for each entry of `words`; thickness_m: of a plate, whose sides are closed."""
+    facets = skin_faces(arrays, "surface")
+    if facets is None:
+        return
+    points, facets, u, copies = quarter(arrays, facets, len(words))
+    facets = facets if thickness_m is None else with_sides(points, facets, thickness_m)
     kept, small = coarse(points, facets, MAX_POINTS)
-    tallest = design.pillar.top_m if design.pillar else design.thickness_m
-    body = gallery.add_body(points[kept], small, 0.4 * tallest)
-    tones = arrays.get("surface_frequency_hz", np.full(len(u), np.nan))
-    for number, (shape, images) in enumerate(zip(u, copies, strict=True)):
-        words = _words(case, float(tones[number]), number == 0) | {"still": still}
-        gallery.add_shape(body, shape[kept], words, images)
+    body = gallery.add_body(points[kept], small, REACH * float(np.ptp(points[:, 2])))
+    for shape, images, each in zip(u, copies, words, strict=True):
+        gallery.add_shape(body, shape[kept], each, images)
 
 
 def _words(case: StoredCase, frequency_hz: float, target: bool) -> dict[str, str]:
-    record = case.record
-    tone = (
-        frequency(frequency_hz, record.error_at(frequency_hz)) if np.isfinite(frequency_hz) else "frequency not stored"
-    )
-    db = level(record.confinement_db, record.target.confinement_error_db if record.target else None)
-    level_text = f", {db} from zone to passive face" if target and record.confinement_db is not None else ""
-    which = "target mode" if target else "neighbour"
-    return {
-        "group": case.case_id,
-        "name": f"{case.case_id}: {tone}, {which}",
-        "about": f"{which.capitalize()} of {case.case_id} at {tone}{level_text}",
-    }
+    record, tone = case.record, "frequency not stored"
+    if np.isfinite(frequency_hz):
+        tone = frequency(frequency_hz, record.error_at(frequency_hz))
+    return _spoken("target mode" if target else "neighbour", case.case_id, tone, record.target if target else None)
+
+
+def _spoken(which: str, of: str, tone: str, target: Any = None) -> dict[str, str]:
+    """Describe a shape: its group, its name in a list, its sentence, with the level of the target mode."""
+    more = ""
+    if target is not None and target.confinement_db is not None:
+        more = f", {level(target.confinement_db, target.confinement_error_db)} from zone to passive face"
+    name, about = f"{of}: {tone}, {which}", f"{which.capitalize()} of {of} at {tone}{more}"
+    return {"group": of, "name": name, "about": about, "still": ""}
 
 
 def quarter(
@@ -134,7 +151,7 @@ def quarter(
     points, u = (np.asarray(arrays[f"surface_{name}"], dtype=float) for name in ("points", "u"))
     u, symmetries = u[:most], arrays.get("surface_symmetry", [""] * most)[:most]
     if not all(symmetries):
-        return points, facets, u, [[{"flip": [1, 1, 1], "parity": 1}]] * len(u)
+        return points, facets, u, [[WHOLE]] * len(u)
     count = len(points) // 4
     return points[:count], facets[(facets < count).all(axis=1)], u[:, :count], list(map(_images, symmetries))
 
@@ -146,6 +163,60 @@ def _images(symmetry: str) -> list[dict[str, Any]]:
         {"flip": [*flip, 1], "parity": -1 if (odd[0] and flip[0] < 0) != (odd[1] and flip[1] < 0) else 1}
         for flip in QUARTER
     ]
+
+
+def modes_in_frame(result: ModesResult) -> str:
+    """Return a notebook's frame in which the target mode and its neighbours move; empty without solved shapes."""
+    if result.solved is None or not len(result):
+        return ""
+    from pipeline.models.mode_fields import nearest_rows, plate_arrays
+
+    at, case = (result.target.index if result.target else None), result.case
+    shown = nearest_rows(result.solved, at or 0)[:IN_NOTEBOOK]
+    others = "neighbour" if at is not None else "mode"
+    tones = [frequency(result[row].frequency_hz, result[row].error) for row in shown]
+    words = [
+        _spoken(*("target mode", result.part, tone, result.target) if row == at else (others, result.part, tone))
+        for row, tone in zip(shown, tones, strict=True)
+    ]
+    gallery, thickness_m = Gallery(), case.design.thickness_m if result.part == "plate" else None
+    _add_body(gallery, plate_arrays(result.solved, shown), thickness_m, words)
+    return _frame(f"Mode shapes of the {result.part}, animated", FRAME_PX["modes"], vars(gallery))
+
+
+def response_in_frame(result: ResponseResult) -> str:
+    """Return a notebook's frame in which the plate moves as driven at the target mode's peak; empty without either."""
+    peak = result.target_peak
+    if result.forced is None or peak is None:
+        return ""
+    skin, gallery = result.forced.skin(peak.frequency_hz), Gallery()
+    facets = with_sides(skin.points, skin.facets, result.forced.design.thickness_m)
+    kept, small = coarse(skin.points, facets, MAX_POINTS)
+    body = gallery.add_body(skin.points[kept], small, REACH * float(np.ptp(skin.points[:, 2])))
+    words = _spoken("target mode's peak", "the driven plate", frequency(peak.frequency_hz, peak.frequency_error))
+    gallery.add_shape(body, skin.displacement[0][kept], words, [WHOLE])
+    return _frame("The driven plate, animated", FRAME_PX["modes"], vars(gallery))
+
+
+def bands_in_frame(result: BandsResult) -> str:
+    """Return a notebook's frame with the interactive dispersion diagram."""
+    return _frame("Dispersion diagram", FRAME_PX["bands"], {"shapes": []}, {"cells": [_cell("", result)], "shapes": []})
+
+
+def _frame(title: str, height_px: int, plates: dict[str, Any], diagrams: dict[str, Any] = NO_CELLS) -> str:
+    page = render("frame.html.j2", title=title, **parts(plates, diagrams))
+    style = f"width: 100%; height: {height_px}px; border: 0"
+    return f'<iframe title="{title}" style="{style}" srcdoc="{escape(page)}"></iframe>'
+
+
+def parts(plates: dict[str, Any], diagrams: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of moving.html.j2: shapes and diagrams as JSON text, with the viewer where something moves."""
+    return {
+        "shapes": script_data(plates) if plates["shapes"] else "",
+        "bands": [cell["name"] for cell in diagrams["cells"]],
+        "bands_data": script_data(diagrams),
+        "three": vendored("three.min.js") if plates["shapes"] or diagrams["shapes"] else "",
+    }
 
 
 MAX_CELLS = 12
@@ -168,7 +239,8 @@ def diagrams(study: StoredStudy, best: StoredCase | None) -> dict[str, Any]:
     for members in list(groups.values())[:MAX_CELLS]:
         bands = members[0].record.of(BandsResult)
         assert bands
-        cell = _cell(members, bands, best)
+        visible = next((case for case in members if best and case.case_id == best.case_id), members[0])
+        cell = _cell(_name(members), bands, visible.record.target)
         if sum("shapes" in other for other in cells) < MAX_WITH_SHAPES:
             cell |= _shapes(gallery, members)
         cells.append(cell)
@@ -181,13 +253,11 @@ def same_bands(bands: BandsResult) -> str:
     return hashlib.sha256(canonical_json(visible).encode()).hexdigest()
 
 
-def _cell(members: list[StoredCase], bands: BandsResult, best: StoredCase | None) -> dict[str, Any]:
+def _cell(name: str, bands: BandsResult, target: Any = None) -> dict[str, Any]:
     """Return one diagram: path, bands, labels of the waves if stored, gaps, the target mode's frequency."""
     points = bands.points
-    visible = next((case for case in members if best and case.case_id == best.case_id), members[0])
-    target = visible.record.target
     return {
-        "name": _name(members),
+        "name": name,
         "arc": [_digits(s) for s in bands.distance_per_m],
         "labels": [point.label for point in points],
         "k": [[_digits(point.kx_per_m), _digits(point.ky_per_m)] for point in points],

@@ -208,7 +208,7 @@
     chosen = wave;
     later();
     if (!cell.shapes) {
-      note.textContent = "The page contains no wave shapes for this cell: run the study again with this version to store them.";
+      note.textContent = "No wave shapes are stored for this cell; antinode run stores them.";
       return;
     }
     const stored = cell.labels.map((name, point) => ({ name, point })).filter(({ name }) => cell.shapes[name]?.[wave.band] !== undefined);
