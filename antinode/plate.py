@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 from pipeline.case import schema
 from pipeline.case.limits import warn_of_doubts
 from pipeline.case.model import Case, case_from_dict
-from pipeline.case.reading import apply_overrides, nearest, read_toml
+from pipeline.case.reading import apply_overrides, check_exclusive, nearest, read_toml
 from pipeline.case.schema import TABLES
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
@@ -500,6 +500,7 @@ def changed(raw: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     kept = {key: value for key, value in raw.items() if key not in tables}
     whole = kept | {name: plain(value) for name, value in tables.items() if value is not None}
     pairs = [(key_of(name, whole), plain(value)) for name, value in changes.items() if name not in tables]
+    check_exclusive([key for key, _ in pairs], "keywords")
     return apply_overrides(whole, pairs)
 
 

@@ -20,7 +20,16 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline import paths
-from pipeline.case.reading import Diagnostics, check_table, is_file, nearest, nearest_file, read_toml, toml_text
+from pipeline.case.reading import (
+    Diagnostics,
+    check_table,
+    exclusive,
+    is_file,
+    nearest,
+    nearest_file,
+    read_toml,
+    toml_text,
+)
 from pipeline.case.schema import known_keys, of_any_element
 from pipeline.errors import InputError, reason
 from pipeline.logs import flat
@@ -230,6 +239,8 @@ def _read_sweep(table: Any, diagnostics: Diagnostics, paired: bool) -> tuple[dic
             diagnostics.add(f'sweep."{key}"', values, "must be a list of at least one value")
         elif not paired and len({toml_text(value) for value in values}) < len(values):
             diagnostics.add(f'sweep."{key}"', values, "must contain each value only once")
+    for first, second in exclusive(list(lists)):
+        diagnostics.add(f'sweep."{second}"', lists[second], f"and {first} exclude each other: give only one of them")
     return {key: tuple(values) for key, values in lists.items() if isinstance(values, list) and values}, paired
 
 

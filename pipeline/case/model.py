@@ -30,6 +30,7 @@ from pipeline.case.reading import (
     CaseValues,
     Diagnostics,
     apply_overrides,
+    check_exclusive,
     is_file,
     nearest,
     nearest_file,
@@ -365,8 +366,9 @@ def read_touch(values: CaseValues, design: Design) -> Touch | None:
 
 def load_case(path: str | Path, overrides: Iterable[Override] = ()) -> Case:
     """Load the case of a TOML file with overrides, "key.path=value" or (key, value); InputError lists every fault."""
-    file = Path(path)
-    return case_from_dict(read_case(file), source=file, overrides=overrides)
+    file, given = Path(path), tuple(overrides)
+    check_exclusive([key for key, _ in parsed(given)], "--set")
+    return case_from_dict(read_case(file), source=file, overrides=given)
 
 
 def read_case(file: Path) -> dict[str, Any]:

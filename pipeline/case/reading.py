@@ -6,7 +6,7 @@ import copy
 import json
 import re
 import tomllib
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -439,6 +439,21 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
             keep_sizes(result, SHAPES[value])
         _put(result, key.split("."), value)
     return result
+
+
+def exclusive(keys: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield the pairs of given keys of which the later one drops the earlier one."""
+    for number, key in enumerate(keys):
+        dropped = ALTERNATIVES.get(key, ())
+        yield from ((earlier, key) for earlier in dict.fromkeys(keys[:number]) if earlier in dropped)
+
+
+def check_exclusive(keys: Sequence[str], place: str) -> None:
+    """Raise InputError with a line for each pair of given keys that exclude each other."""
+    if lines := [
+        f"{place}: {' and '.join(pair)} exclude each other: give only one of them" for pair in exclusive(keys)
+    ]:
+        raise InputError(lines)
 
 
 def _centre(raw: dict[str, Any]) -> list[Any]:

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import warn_of_doubts, warn_of_moduli
-from pipeline.case.model import case_from_dict
-from pipeline.case.reading import read_toml
+from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
 from pipeline.records import outputs
 
@@ -23,15 +22,14 @@ if TYPE_CHECKING:
 def run(arguments: Namespace) -> int:
     """Compute the model of the case's cell, or load it from the cache, and serve its page until interrupted."""
     path = Path(arguments.case)
-    raw = read_toml(path)
-    case = case_from_dict(raw, path, arguments.set)
+    case = load_case(path, arguments.set)
     if arguments.export:
         outputs.check_files("--export", [arguments.export])
     log = TerminalLog(arguments.quiet)
     warn_of_doubts(case.design, log)
     if case.solve.moduli_kHz is None:
         warn_of_moduli(case.materials, log)
-    explorer = explorer_of(case, raw, tuple(arguments.set), log)
+    explorer = explorer_of(case, case.raw, tuple(arguments.set), log)
     if arguments.export:
         export(explorer, Path(arguments.export), log)
         return 0

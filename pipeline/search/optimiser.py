@@ -19,7 +19,8 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.layout import Design
 from pipeline.case.features import LARGER, SUPPORTS, ZONES
-from pipeline.case.model import Case
+from pipeline.case.model import Case, parsed
+from pipeline.case.reading import exclusive
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import checked
@@ -89,7 +90,11 @@ class Outcome:
     def repeat(self) -> list[str]:
         """Return the --set texts that turn the file's design into the best one."""
         window = ["solve.band_kHz=[{!r},{!r}]".format(*self.window)] if self.window else []
-        return [*self.space.fixed, *self.space.overrides(self.best.point), *window]
+        changes = [*self.space.overrides(self.best.point), *window]
+        keys = [key for key, _ in parsed([*self.space.fixed, *changes])]
+        dropped = {earlier for earlier, _ in exclusive(keys)}
+        kept = [text for text, key in zip(self.space.fixed, keys, strict=False) if key not in dropped]
+        return [*kept, *changes]
 
     @property
     def gain(self) -> float | None:

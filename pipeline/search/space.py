@@ -15,7 +15,7 @@ from geometry.elements import FloatArray
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from pipeline.case.model import Case, parsed
-from pipeline.case.reading import HEIGHTS, SIDES, UNIFORM_ROW_KEYS, apply_overrides, nearest, toml_text
+from pipeline.case.reading import HEIGHTS, SIDES, UNIFORM_ROW_KEYS, apply_overrides, check_exclusive, nearest, toml_text
 from pipeline.case.schema import AXES, LISTS, MATERIAL_OWNERS, TABLES, Table, known_keys, of_any_element
 from pipeline.errors import InputError
 from pipeline.quantity import MM
@@ -202,6 +202,8 @@ def space_of(case: Case, ranges: Sequence[Range]) -> Space:
         faults.append("--vary array.rows: cannot vary together with a key that has one value per row")
     if CENTRE in keys and (own := sorted(keys & {*AXES})):
         faults.append(f"--vary {CENTRE}: cannot vary together with {own[0]}, which it moves, too")
+    if not faults:
+        check_exclusive(list(found), "--vary")
     if faults:
         raise InputError(faults)
     return Space(case, tuple(variables))

@@ -109,6 +109,10 @@ def test_same_leaf_twice_keeps_the_whole_key(study):
         ),
         ("[sweep]\nzip = true\narray.rows = [1, 2]\narray.pitch_mm = [4]\n", "needs lists of equal length"),
         ("[sweep]\nzip = 3\n", "sweep.zip = 3: must be true or false"),
+        (
+            "[sweep]\narray.heights_mm = [[6, 6, 6]]\npillar.height_mm = [6, 7]\n",
+            'sweep."pillar.height_mm" = [6, 7]: and array.heights_mm exclude each other: give only one of them',
+        ),
         ("[sweeps]\n", "unknown table (did you mean sweep?)"),
     ],
 )

@@ -220,6 +220,24 @@ def test_malformed_override(override):
     assert "must be key.path=value" in lines_of([override])[0]
 
 
+@pytest.mark.parametrize(
+    ("overrides", "pair"),
+    [
+        (["array.heights_mm=[6,6,6]", "pillar.height_mm=6"], "array.heights_mm and pillar.height_mm"),
+        (["pillar.height_mm=6", "array.heights_mm=[6,6,6]"], "pillar.height_mm and array.heights_mm"),
+        (["solve.near_kHz=30", "solve.band_kHz=[30,34]"], "solve.near_kHz and solve.band_kHz"),
+    ],
+)
+def test_of_two_given_keys_none_drops_the_other_in_silence(overrides, pair):
+    """Whereas one drops what the file says."""
+    with pytest.raises(InputError) as fault:
+        load_case(CASE, overrides)
+    assert fault.value.lines == [f"--set: {pair} exclude each other: give only one of them"]
+    assert fault.value.exit_code == 2
+    assert load_case(CASE, ["array.heights_mm=[6,6,6]"]).given >= {"array.heights_mm"}
+    assert load_case(CASE, ["array.pitch_mm=4", "array.pitch_x_mm=5"]).design.pitch_x_m == 0.005
+
+
 def test_all_faults_of_a_file_come_together():
     raw = {key: dict(value) if isinstance(value, dict) else value for key, value in RAW.items()}
     raw["array"]["pitch_mm"] = 1.5
