@@ -29,7 +29,7 @@ from pipeline.records.study import CASES
 from pipeline.workers import default_jobs
 from solvers.machine import available_bytes
 
-HEARTBEAT_S = 30.0
+HEARTBEAT_S, PLANNING_S = 30.0, 3.0  # longest silence while cases run, and while they are planned
 LOOK_S = 1.0  # interval between checks of the begun cases
 LONGER = 1.2  # a case is late beyond this multiple of its previous time
 MAX_NAMED = 4
@@ -88,6 +88,18 @@ class Progress:
         self._live = Bar(*columns, console=Console(file=self.stream), transient=True)
         self._task = self._live.add_task("", total=self._total)
         self._live.start()
+
+    def planned(self, done: int, total: int) -> None:
+        """Report that so many cases of a dry run are planned: a bar in a terminal, elsewhere a line every few seconds."""
+        if self.quiet or total < 2:
+            return
+        if not self._live and self.stream.isatty():
+            self._total = total
+            self._open_live()
+        if self._live:
+            self._live.update(self._task, completed=done, description="planned")
+        elif time.monotonic() - self._spoke > PLANNING_S:
+            self.say(f"{done} of {several(total, 'case')} planned")
 
     def say(self, text: str) -> None:
         """Print one line."""

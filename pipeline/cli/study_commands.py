@@ -53,8 +53,13 @@ def run(arguments: Namespace) -> int:
         fail_fast=arguments.fail_fast,
         dry_run=arguments.dry_run,
     )
-    outcome = runner.run_study(jobs, kind.computer(study), folder, options, Progress(arguments.quiet), study.about)
+    progress = Progress(arguments.quiet)
+    outcome = runner.run_study(jobs, kind.computer(study), folder, options, progress, study.about)
     if arguments.dry_run:
+        waiting = [job for planned, job in zip(outcome.plan, jobs, strict=True) if planned.why]
+        for number, _ in enumerate(job.forecast for job in waiting):  # each may solve a coarse cell
+            progress.planned(number + 1, len(waiting))
+        progress.end()
         _print_plan(outcome, jobs, arguments.verbose)
         return 0
     if warning := study_file.remember_place(study.name, study.source, folder):

@@ -206,6 +206,18 @@ def test_time_that_a_case_waits_for_a_worker_is_none_of_its_duration(tmp_path: P
     assert later(4.0) == "taking longer than earlier cases"
 
 
+def test_a_long_dry_run_is_never_silent_for_long(monkeypatch: pytest.MonkeyPatch):
+    clock = SimpleNamespace(now=100.0)
+    monkeypatch.setattr("pipeline.batch.runner.time", SimpleNamespace(monotonic=lambda: clock.now))
+    said, quiet = io.StringIO(), io.StringIO()
+    for progress in (Progress(stream=said), Progress(quiet=True, stream=quiet)):
+        for done in range(1, 201):
+            clock.now += 0.25
+            progress.planned(done, 200)
+    lines = said.getvalue().splitlines()
+    assert lines[0] == "13 of 200 cases planned" and len(lines) == 200 // 13 and not quiet.getvalue()
+
+
 def test_a_case_that_failed_at_once_is_no_measure_of_time(tmp_path: Path):
     progress = Progress(stream=io.StringIO())
     progress.begin(tmp_path, [SimpleNamespace(case_id=f"value={i}", why="new") for i in range(3)], {})
