@@ -22,7 +22,7 @@ from pipeline.process import terminable
 from pipeline.questions import registered
 from pipeline.questions.result import Result
 from pipeline.records import store
-from pipeline.records.outputs import csv_bytes, dataset, frame, html_table, write_file
+from pipeline.records.outputs import csv_bytes, dataset, frame, html_table, reading_table, write_file
 from pipeline.records.part import DOCUMENT_SCHEMA, Frozen
 from pipeline.records.record import first_fault
 from pipeline.records.store import BadRecord
@@ -214,11 +214,17 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
 
     def _repr_html_(self) -> str:
         """Table of the swept keys and main columns for a notebook; `columns` names all."""
+        return f"<p>{escape(repr(self))}</p>{html_table(*self._main())}"
+
+    def _main(self) -> tuple[Sequence[str], list[list[Any]]]:
+        """Return names and rows of the swept keys and main columns; of all columns if none of these is there."""
         from pipeline.records.tables import MAIN
 
         shown = [name for name in self.columns if name in MAIN or name in self.swept] or self.columns
-        rows = [[row[name] for name in shown] for row in self._rows]
-        return f"<p>{escape(repr(self))}</p>{html_table(shown, rows)}"
+        return shown, [[row[name] for name in shown] for row in self._rows]
+
+    def __str__(self) -> str:
+        return f"{self!r}\n{reading_table(*self._main())}"
 
     def __repr__(self) -> str:
         return f"<antinode.SweepTable: {len(self)} cases, {len(self.columns)} columns, {self.folder}>"

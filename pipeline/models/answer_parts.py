@@ -71,6 +71,9 @@ class ModeRecord(Part):
             raise ValueError("this mode was read from a file, which holds no shapes: compute the modes again")
         return self.surface()
 
+    def __str__(self) -> str:
+        return f"mode: {_in_words(self)}"
+
 
 class CountRecord(Part):
     """Modes between two frequencies: their inertia count and the number found."""
@@ -101,6 +104,9 @@ class RivalRecord(Part):
     confinement_error_db: float | None = column(BAR.format("the level"), "dB", default=None)
     mac_error: float | None = column(BAR.format("mac"), default=None)
     strength_error: float | None = column(BAR.format("strength"), default=None)
+
+    def __str__(self) -> str:
+        return f"mode: {_in_words(self)}"
 
 
 ALONG: tuple[Literal["free-free", "pinned-free", "sine"], ...] = ("free-free", "pinned-free", "sine")  # by held ends
@@ -160,11 +166,30 @@ class TargetRecord(Part):
         """Whether the target mode was found."""
         return self.frequency_hz is not None
 
+    def __str__(self) -> str:
+        if self.frequency_hz is None:
+            return "target mode: none of the modes has the target shape"
+        kind = "mode" if self.status == "single" else "shape split among several modes, strongest"
+        return f"target {kind}: {_in_words(self)}"
+
 
 class TargetMode(TargetRecord):
     """Verdict on a target mode that was found."""
 
     frequency_hz: float = column("frequency of the target mode", "Hz", error="frequency_error")
+
+
+def _in_words(mode: ModeRecord | RivalRecord | TargetRecord) -> str:
+    """Write a mode's frequency and its known measures with their error bars."""
+    error = mode.frequency_error if isinstance(mode, TargetRecord) else mode.error
+    words = [quantity.frequency_with_bar(mode.frequency_hz, error)]
+    if mode.mac is not None:
+        words.append(f"MAC {quantity.figure(mode.mac, mode.mac_error)}")
+    if mode.strength is not None:
+        words.append(f"strength {quantity.figure(mode.strength, mode.strength_error)}")
+    if mode.confinement_db is not None:
+        words.append(quantity.level_with_bar(mode.confinement_db, mode.confinement_error_db))
+    return ", ".join(words)
 
 
 class ZoneTarget(Part):

@@ -68,6 +68,14 @@ class Interval(Part):
         """Edges with the digits that their error bars allow."""
         return quantity.interval(self.lower_hz, self.upper_hz, self.lower_error, self.upper_error)
 
+    @property
+    def text(self) -> str:
+        """The gap in words."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return self.text
+
 
 class Gap(Interval):
     """A frequency interval without waves between two bands."""
@@ -91,11 +99,21 @@ class DirectionalGap(Gap):
     start: str = column("start of the segment")
     end: str = column("end of the segment")
 
+    @property
+    def text(self) -> str:
+        """Segment and edges in words."""
+        return f"gap from {self.start} to {self.end} only: {self.interval}"
+
 
 class PolarisationGap(Interval):
     """A frequency interval without waves of one polarisation."""
 
     polarisation: str = column("polarisation of the waves")
+
+    @property
+    def text(self) -> str:
+        """Polarisation and edges in words."""
+        return f"gap for {self.polarisation} waves only: {self.interval}"
 
 
 class ZoneGap(Gap):
@@ -336,10 +354,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     def details(self) -> Iterator[str]:
         """Yield the gaps for waves of one polarisation, and for those along one segment of the path."""
-        for each in self.polarisation_gaps or ():
-            yield f"gap for {each.polarisation} waves only: {each.interval}"
-        for gap in self.directional_gaps or ():
-            yield f"gap from {gap.start} to {gap.end} only: {gap.interval}"
+        yield from (each.text for each in (*(self.polarisation_gaps or ()), *(self.directional_gaps or ())))
 
     def draw(self, ax: Axes) -> None:
         """Draw the bands over the path, waves marked by polarisation where known, complete gaps shaded."""

@@ -348,13 +348,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
 def _in_words(zone: ZoneTarget) -> str:
     x, y = (place / MM for place in zone.centre_m)
     where, found = f"zone {zone.zone} at ({x:g}, {y:g}) mm: ", zone.target
-    if not isinstance(found, TargetMode):
-        return f"{where}no mode listed has its target shape"
-    level = (
-        "" if found.confinement_db is None else f", {level_with_bar(found.confinement_db, found.confinement_error_db)}"
-    )
-    kind = "target mode" if found.status == "single" else "target shape split among several modes, strongest at"
-    return f"{where}{kind} {frequency_with_bar(found.frequency_hz, found.frequency_error)}{level}"
+    return f"{where}{found}"
 
 
 class Modes(

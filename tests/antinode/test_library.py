@@ -21,6 +21,7 @@ from pipeline.batch.study_file import load_study
 from pipeline.case.model import load_case
 from pipeline.cli import explore
 from pipeline.cli.main import main
+from pipeline.questions import bands
 from pipeline.questions.search import Search
 from tests.helpers import fake_study, synthetic
 from tests.helpers.at_once import sweep_here
@@ -242,6 +243,27 @@ def test_a_notebook_sees_the_plate_its_modes_and_its_table(plate: antinode.Plate
     found = {"frequency_hz": 34e3, "mac": 0.9, "strength": 0.2, "confinement_db": 11.0}
     page = synthetic.modes(antinode.Target(status="single", **found), both)._repr_html_()
     assert "<td><b>34.0 *</b></td>" in page and "<td>30.0</td>" in page and "(kHz)" in page
+
+
+def test_parts_are_printed_in_words() -> None:
+    found = {"frequency_hz": 34e3, "frequency_error": 1e-3, "mac": 0.9, "strength": 0.2, "confinement_db": 11.0}
+    target = antinode.Target(status="single", **found)
+    assert str(target) == "target mode: 34.000 ± 0.034 kHz, MAC 0.900, strength 0.200, 11.0 dB"
+    assert str(NONE) == "target mode: none of the modes has the target shape"
+    edges = {"lower_hz": 30e3, "upper_hz": 31e3, "lower_error": 1e-3, "upper_error": 1e-3}
+    gap = bands.Gap(**edges, lower_band=3, upper_band=4)
+    assert str(gap) == "Gap from band 3 (30.000 ± 0.030 kHz) to band 4 (31.000 ± 0.031 kHz), 3.28 %"
+    only = bands.DirectionalGap(**edges, lower_band=3, upper_band=4, start="G", end="X")
+    assert str(only) == "gap from G to X only: 30.000 to 31.000 kHz"
+    head, *table = str(antinode.SweepTable([{"case": "a", "target_hz": 34e3}], Path("f"))).splitlines()
+    assert head == "<antinode.SweepTable: 1 cases, 2 columns, f>" and [line.split() for line in table] == [
+        ["case", "target", "(kHz)"],
+        ["a", "34.0"],
+    ]
+    with pytest.raises(
+        antinode.InputError, match=r"keywords: pillar\.height_mm and array\.heights_mm exclude each other"
+    ):
+        antinode.load("examples/small.toml", height_mm=6.0, heights_mm=[6.0])
 
 
 def test_a_sweeps_table_is_drawn_kept_and_read_again(tmp_path: Path) -> None:
