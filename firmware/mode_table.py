@@ -177,7 +177,8 @@ class Shape:
     drive_limit : float
         Fraction of full scale.
     metres_per_volt : float
-        Displacement under a sensor per volt of amplitude at its patch, in m/V; 0 if unknown.
+        Displacement per volt of amplitude at a patch, in m/V: under a calibrated sensor (volts of the first one), or rms of a
+        wave in the zone (volts of the largest one); 0 if unknown.
     """
 
     frequency_hz: float
@@ -537,7 +538,10 @@ def describe(table: ModeTable) -> str:
     for index, shape in enumerate(table.shapes):
         matrix = "unidentified" if shape.matrix is None else "identified"
         names = ", ".join(pattern.name for pattern in shape.patterns)
-        lines.append(f"shape {index}: {shape.frequency_hz:.3f} Hz, matrix {matrix}, patterns {names}")
+        lines.append(
+            f"shape {index}: {shape.frequency_hz:.3f} Hz, matrix {matrix}, patterns {names}"
+            + _metres(shape.metres_per_volt)
+        )
     return "\n".join(lines)
 
 
@@ -552,5 +556,9 @@ def _describe_mode(index: int, mode: Mode, target: bool) -> str:
         f"mode {index}{mark}: {mode.frequency_hz:.3f} Hz ({frequency}), tau {mode.tau_s * 1e3:.4g} ms, "
         f"Q {mode.quality_factor:.4g} ({tau}), gain {gain}, delay {mode.delay_s * 1e6:.3g} us, "
         f"drive at most {mode.drive_limit:.3g}, amplitude at most {mode.amplitude_limit:.3g} of full scale"
-        + (f", {1e6 * mode.metres_per_volt:.4g} um/V" if mode.metres_per_volt else "")
+        + _metres(mode.metres_per_volt)
     )
+
+
+def _metres(per_volt: float) -> str:
+    return f", {1e6 * per_volt:.4g} um/V" if per_volt else ""

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware.client.client import BoardError, Client
+from firmware.client.identify import Units
 from firmware.mode_table import CHANNELS
 from firmware.protocol import SixStatus
 
@@ -128,12 +129,12 @@ def read(client: Client) -> Matrix:
 
 def describe(found: Matrix) -> str:
     """Describe a measured matrix for a reader."""
-    status = found.status
+    status, units, largest = found.status, Units(found.status.metres), float(np.abs(found.responses).max())
     return "\n".join(
         [
             f"matrix at {status.frequency_hz:.2f} Hz: condition {status.condition:.3g}, responses up to "
-            f"{np.abs(found.responses).max():.3g}, coherence {found.coherent:.4f}, noise {100.0 * found.noise:.2g} %",
-            f"all actuators together: misfit {100.0 * status.misfit:.2g} %, at up to {status.motion:.2g} of full scale",
+            f"{units.gain(largest, '.3g')}, coherence {found.coherent:.4f}, noise {100.0 * found.noise:.2g} %",
+            f"all actuators together: misfit {100.0 * status.misfit:.2g} %, at up to {units.motion(status.motion)}",
             f"loop: phase margin {found.phase_deg:.0f} deg (at least {PHASE_LEAST_DEG:g}), gain margin {found.gain_db:.1f} dB "
             f"(at least {GAIN_LEAST_DB:g})",
             f"loaded after {found.seconds:.1f} s of the board's time (least possible {found.least_s:.1f} s)",

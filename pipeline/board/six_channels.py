@@ -38,6 +38,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.answer_parts import PlayedPattern, PlayFault
 from pipeline.models.travelling import Travelling
+from pipeline.quantity import UM, figure
 from solvers.errors import SolverError
 from solvers.shaping.modal_table import operating_frequencies, scan
 from solvers.shaping.travelling_wave import best_travelling_drive, inner_window
@@ -78,7 +79,8 @@ def patterns(model: ShapedBeam, signal: Signal, frequency_hz: float) -> tuple[Pa
 def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float, ...] = ()) -> ModeTable:
     """Build the table of a beam with up to six pairs of actuator and sensor; the default frequencies condition T best.
 
-    T includes the droop and the half sample of the hold. Raises InputError for more frequencies than a table holds or one
+    T includes the droop and the half sample of the hold. Metres are per volt of the first sensor, to whose displacement at full
+    scale the other conditioners are set. Raises InputError for more frequencies than a table holds or one
     that the board rejects, and SolverError.
     """
     if len(frequencies_hz) > MAX_SHAPES:
@@ -91,25 +93,28 @@ def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float
     scale = full_scale(model, signal, chosen)
     slowest_s = float((model.table.quality_factor / (pi * model.table.frequencies_hz)).max())
     matrices = [scale * model.matrix(f, signal) * hold(f, SAMPLE_RATE_HZ) for f in chosen]
+    metres = 0.0 if model.calibration is None else abs(complex(model.calibration[0]))
     shapes = tuple(
-        Shape(f, slowest_s, patterns(model, signal, f), tuple(map(tuple, matrix.tolist())))
+        Shape(f, slowest_s, patterns(model, signal, f), tuple(map(tuple, matrix.tolist())), metres_per_volt=metres)
         for f, matrix in zip(chosen, matrices, strict=True)
     )
     return ModeTable(SAMPLE_RATE_HZ, design_hash([model.name, signal, list(chosen)]), shapes=shapes)
 
 
-def plate_table(matrix: ComplexArray, frequency_hz: float, tau_s: float, drives: dict[str, ComplexArray]) -> ModeTable:
+def plate_table(
+    matrix: ComplexArray, frequency_hz: float, tau_s: float, drives: dict[str, ComplexArray], metres: float = 0.0
+) -> ModeTable:
     """Build the table of a plate with up to six drivers and sensors from T (sensors, drivers) at one frequency.
 
     matrix: T in full scales, as sampled by the board; drives: voltages (drivers,) of each pattern by its name, whose sensor
-    signals become the targets. Raises InputError for a frequency that the board cannot play.
+    signals become the targets; metres: per volt of the sensors. Raises InputError for a frequency that the board cannot play.
     """
     highest = FREQUENCY_HIGH * SAMPLE_RATE_HZ
     if not MIN_SHAPE_HZ <= frequency_hz <= highest:
         raise InputError(f"{frequency_hz:g} Hz: must be {MIN_SHAPE_HZ:g} to {highest:g} Hz for the six-channel board")
     targets = {name: matrix @ volts for name, volts in drives.items()}
     named = tuple(Pattern(name, tuple((w / w[np.argmax(np.abs(w))]).tolist())) for name, w in targets.items())
-    shape = Shape(frequency_hz, tau_s, named, tuple(map(tuple, matrix.tolist())))
+    shape = Shape(frequency_hz, tau_s, named, tuple(map(tuple, matrix.tolist())), metres_per_volt=metres)
     return ModeTable(SAMPLE_RATE_HZ, design_hash([frequency_hz, repr(matrix.tolist())]), shapes=(shape,))
 
 
@@ -157,7 +162,16 @@ def table_of(wave: Travelling) -> ModeTable:
         what = f"{drivers} actuators and {sensors} sensors, must be at most {CHANNELS} of each for the board"
         raise InputError(f"patches: {what}")
     matrix = structure(wave).sampled_matrix(wave.pair.frequency_hz)[:sensors, :drivers]
-    return plate_table(matrix, wave.pair.frequency_hz, _tau_s(wave), wave.drives)
+    return plate_table(
+        matrix, wave.pair.frequency_hz, _tau_s(wave), wave.drives, float(np.exp(_log_metres(wave).mean()))
+    )
+
+
+def _log_metres(wave: Travelling) -> FloatArray:
+    """ln of the wave's amplitude in m, rms in the window, per volt of the largest sensor: one for each pattern."""
+    inside = wave.window[wave.line]
+    motions = [np.linalg.norm(wave.field(volts)[inside]) / np.sqrt(inside.sum()) for volts in wave.drives.values()]
+    return np.log(motions) - np.log([np.abs(wave.matrix @ volts).max() for volts in wave.drives.values()])
 
 
 def structure(wave: Travelling) -> Structure:
@@ -189,6 +203,12 @@ def board_outcome(wave: Travelling, log: Log, folder: Path | None, played: bool)
             raise
         log.left_out("the six-channel board's table", "; ".join(reason.lines))
         return {}
+    logs = _log_metres(wave)
+    spread = 100.0 * float(np.expm1(np.abs(logs - logs.mean()).max()))
+    log.info(
+        f"six-channel table: {figure(float(np.exp(logs.mean())) / UM)} um rms in the window per volt of the largest sensor, "
+        f"up to {figure(spread)} % more or less for single patterns"
+    )
     results: dict[str, Any] = {}
     if folder is not None:
         results["tables"] = [path.name for path in export.write(table, folder, "travelling_wave")]

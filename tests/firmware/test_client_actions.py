@@ -138,6 +138,12 @@ def test_six_channels_are_identified_by_the_board_and_hold_a_pattern(
     metric = SIX_STATUS[:28] + struct.pack("<f", 4e-6) + SIX_STATUS[32:]
     assert run(monkeypatch, FakePort(status=metric), "status") == 0
     assert "up to 0.8 um, misfit" in (out := capsys.readouterr().out) and "um of full scale" not in out
+    port = FakePort(status=metric)
+    assert run(monkeypatch, port, "identify", "0.4um") == 0
+    start = next(request for request in port.requests if request.kind == Kind.START)
+    assert struct.unpack("<If", start.payload) == (0, pytest.approx(0.1))
+    out = capsys.readouterr().out  # a response of 0.5 (1 + j), 4 um over 1.65 V
+    assert "responses up to 1.71 um/V" in out and "at up to 0.8 um" in out and "full scale" not in out
 
 
 def test_a_pattern_is_no_start_of_one_mode_and_takes_its_reference_along(

@@ -13,9 +13,10 @@ from firmware.mode_table import MIN_MODE_HZ, from_bytes, to_bytes
 from pipeline.board import six_channels
 from pipeline.board.six_channels import full_scale, shaping_table
 from pipeline.errors import InputError
+from solvers.shaping.modal_table import field_matrix, sensor_matrix
 from solvers.shaping.travelling_wave import inner_window, travelling_wave_ratio, two_wave_fit
 from solvers.shaping.voltages import REGIONS, contrast, region_points
-from solvers.thesis.shaped_beam import LINE, ShapedBeam, pointed
+from solvers.thesis.shaped_beam import LINE, ShapedBeam, patched, pointed
 from solvers.thesis.shaping_study import ShapingData, travel_window
 
 TONE = 2400.0
@@ -140,9 +141,19 @@ def test_the_command_writes_a_table_for_the_real_patches(tmp_path: Path, capsys)
     assert six_channels.main([str(file), "--frequency", "2.4kHz"]) == 0
     table = from_bytes(file.read_bytes())
     assert table.shapes[0].frequency_hz == TONE and table.sample_rate_hz == 40e3
-    assert "matrix identified, patterns left, middle, right" in capsys.readouterr().out
+    metres = table.shapes[0].metres_per_volt
+    said = capsys.readouterr().out
+    assert "matrix identified, patterns left, middle, right" in said and f"{1e6 * metres:.4g} um/V" in said
+    data = ShapingData()
+    own = patched("", data.beam, data.modes, data.calibrate_near_hz)
+    tone, driver = (
+        float(own.table.frequencies_hz[own.calibrated_on]),
+        np.argmax(np.abs(own.table.actuators[own.calibrated_on])),
+    )
+    under, volts = field_matrix(own.table, tone)[LINE, driver], sensor_matrix(own.table, tone)[0, driver]
+    assert metres == pytest.approx(abs(under / volts), rel=1e-6)
     assert six_channels.main([str(file), "--points", "--unmeasured"]) == 0
-    assert all(shape.matrix is None for shape in from_bytes(file.read_bytes()).shapes)
+    assert all(shape.matrix is None and not shape.metres_per_volt for shape in from_bytes(file.read_bytes()).shapes)
     assert six_channels.main([str(file), "--frequency", "loud"]) == 2
     error = capsys.readouterr().err
     assert "loud" in error and error.count("\n") == 1

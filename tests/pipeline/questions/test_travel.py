@@ -139,6 +139,18 @@ def test_the_table_holds_t_and_what_each_pattern_shows(solved: tuple[TravelResul
         assert target * readings[np.argmax(np.abs(readings))] == pytest.approx(readings, rel=1e-5)
 
 
+def test_the_table_s_metres_are_those_of_the_plate_as_solved(solved: tuple[TravelResult, Travelling]) -> None:
+    """Rms along the centre line of the forced plate's own face per volt of the largest sensor: mean of the patterns."""
+    record, wave = solved
+    ratios = []
+    for volts in wave.drives.values():
+        points, motion = wave.forced.driven_by(wave.all_volts(volts)).shape(record.frequency_hz)
+        inside = (np.abs(points[:, 1]) < 1e-3) & (np.abs(points[:, 0]) < record.window_m[1])
+        ratios.append(np.sqrt(np.mean(np.abs(motion[inside]) ** 2)) / np.abs(wave.matrix @ volts).max())
+    (shape,) = six_channels.table_of(wave).shapes
+    assert shape.metres_per_volt == pytest.approx(np.prod(ratios) ** 0.25, rel=0.03)  # points as the mesh has them
+
+
 def _sampled(plate: Structure, frequency_hz: float) -> np.ndarray:
     """T in the time domain: each drive alone a sampled tone until its start has decayed, then demodulated."""
     quiet = dataclasses.replace(plate, noise=0.0)
