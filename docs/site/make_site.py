@@ -12,7 +12,7 @@ import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from os.path import normpath
+from os.path import normpath, relpath
 from pathlib import Path
 
 import pictures
@@ -34,7 +34,8 @@ def pages(source: Path, with_pictures: bool = True) -> None:
     shutil.copytree(ROOT / "docs", source, ignore=shutil.ignore_patterns("site", "__pycache__"))
     shutil.copy(ROOT / "CHANGELOG.md", source / "changelog.md")
     for page in source.rglob("*.md"):
-        page.write_text(_within(page.read_text(encoding="utf-8"), page.parent.relative_to(source)), encoding="utf-8")
+        text = _within(page.read_text(encoding="utf-8"), page.parent.relative_to(source))
+        page.write_text("\n".join([text, *(_contents(text) if page.name == "index.md" else ())]), encoding="utf-8")
     if with_pictures:
         (source / "gallery.md").write_text("\n".join(pictures.gallery_page(WORK / "pictures")), encoding="utf-8")
         for figure in pictures.figure_examples():
@@ -54,10 +55,21 @@ def _within(text: str, folder: Path) -> str:
     """Keep the words of links that leave docs/, which the repository can follow and the site cannot."""
 
     def kept(link: re.Match[str]) -> str:
+        if normpath(folder / link[2]) == "../CHANGELOG.md":
+            return f"[{link[1]}]({relpath('changelog.md', folder)})"
         leaves = normpath(folder / link[2]).startswith("..") and "://" not in link[2]
         return link[1] if leaves else link[0]
 
     return re.sub(r"(?<!!)\[([^]]*)\]\(([^)#\s]+)(?:#[^)]*)?\)", kept, text)
+
+
+def _contents(text: str) -> Iterator[str]:
+    """Write the tables of contents that Sphinx needs: the links of a page's lists, under the headings of its lists."""
+    for part in re.split(r"^### ", text, flags=re.MULTILINE):
+        names = re.findall(r"^\* \[[^]]*\]\((\S+)\.md\)$", part, re.MULTILINE)
+        caption = [f":caption: {part.splitlines()[0]}"] if not part.startswith("#") else []
+        if names:
+            yield from ("```{toctree}", ":hidden:", *caption, "", *names, "```", "")
 
 
 def build(source: Path, target: Path) -> list[str]:

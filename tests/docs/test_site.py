@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 import re
 import shlex
 import sys
@@ -43,22 +44,37 @@ def site() -> Iterator[dict[str, ModuleType]]:
         sys.path.remove(str(DOCS / "site"))
 
 
-def listed() -> set[str]:
-    """Pages that the site's tables of contents name."""
-    names = {"index"}
-    for page in PAGES:
-        for block in re.findall(r"```\{toctree\}\n(.*?)```", page.read_text(), re.DOTALL):
-            lines = [line for line in block.splitlines() if line and not line.startswith(":")]
-            folder = page.parent.relative_to(DOCS)
-            for line in lines:
-                names |= {
-                    path.relative_to(DOCS).with_suffix("").as_posix() for path in DOCS.glob(f"{folder / line}.md")
-                }
-    return names
+def test_every_page_is_listed_under_its_title_where_a_reader_of_the_repository_sees_it() -> None:
+    """And the site's tables of contents are made from these lists."""
+    listed = {"index.md"}
+    for page in (each for each in PAGES if each.name == "index.md"):
+        for title, link in re.findall(r"^\* \[(.*)\]\((.*)\)$", page.read_text(), re.MULTILINE):
+            place = (page.parent / link).resolve()
+            assert re.match(r"#+ (.*)", place.read_text())[1] == title
+            listed.add(os.path.relpath(place, DOCS))
+    assert listed == {page.relative_to(DOCS).as_posix() for page in PAGES} | {"../CHANGELOG.md"}
+    assert not [page.name for page in PAGES if "{toctree}" in page.read_text()]
 
 
-def test_every_page_is_in_the_tables_of_contents() -> None:
-    assert {page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES} == listed()
+def test_lists_of_links_become_the_sites_tables_of_contents(site: dict[str, ModuleType]) -> None:
+    page = "# Site\n\nA [word](no.md).\n\n## All pages\n\n### How to\n\n* [One](one.md)\n* [Two](a/two.md)\n"
+    assert list(site["build"]._contents(page)) == [
+        "```{toctree}",
+        ":hidden:",
+        ":caption: How to",
+        "",
+        "one",
+        "a/two",
+        "```",
+        "",
+    ]
+    assert list(site["build"]._contents("# Decisions\n\n* [One](0001.md)\n"))[:4] == [
+        "```{toctree}",
+        ":hidden:",
+        "",
+        "0001",
+    ]
+    assert site["build"]._within("* [Changelog](../../CHANGELOG.md)", Path("a")) == "* [Changelog](../changelog.md)"
 
 
 def test_every_relative_link_leads_somewhere_in_the_repository_and_no_page_waits_for_the_build() -> None:
