@@ -34,7 +34,7 @@ from solvers.parametric.affine import NAMES, DesignBox, Sizes, between
 from solvers.superelement.cell import Cell
 from solvers.threads import one_thread
 from solvers.variation.samples import CUT, Deviations
-from solvers.waves.branches import is_flexural
+from solvers.waves.branches import FELT, is_flexural
 from solvers.waves.complex_bands import Row
 from solvers.waves.gaps import complete_gaps
 
@@ -44,6 +44,7 @@ STRAIGHT_DB = 0.05  # change of slope times step up to which a step is drawn as 
 ALIKE = 1.0 - 1e-6  # of the largest: page and Python halve the first of equal steps
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
+SWINGING = 2.0  # times the plate's root mean square motion: from there on the page calls a wave one of the pillar
 WIDE_M = 0.06  # of plate beyond the zone: from there on many modes lie near the target mode
 NEAR = 3.0  # times the error of a frequency: both frequencies have one, and the coupling has the same range
 
@@ -176,17 +177,20 @@ class Scene:
         return tomli_w.dumps(apply_overrides(self.raw, [*(parse_override(text) for text in self.fixed), *places]))
 
     def document(self) -> Document:
-        """What the page starts with: the case's name, the sliders, the file's own design, designs of the cloud a question, and
-        the labelled wavevectors in units of pi / pitch.
+        """What the page starts with: the case's name, the sliders, the file's own design, designs of the cloud a question, the
+        labelled wavevectors in units of pi / pitch, and by which a wave is one of the pillar or flexural.
         """
         limits = {name: asdict(limit) for name, limit in self.limits.items()}
         corners = {label: (k / np.pi).tolist() for label, k in lattice_of(self.case.design).high_symmetry.items()}
         design = self.case.design
         plate = {"length_mm": round(1e3 * design.length_m, 9), "zone_mm": round(1e3 * design.width_m, 9)}
+        assert design.pillar is not None
+        plate_kg = design.stack.mass_kg_m2 * design.pitch_x_m * design.pitch_y_m
         plate |= {"ratio": design.pitch_y_m / design.pitch_x_m, "stagger": design.stagger, "lines": design.nodal_lines}
         return {
             **{"name": self.case.name, "limits": limits, "design": self.own(), "batch": BATCH, "corners": corners},
             "plate": plate,
+            "motion": {"times": SWINGING, "flexural": FELT, "carried": design.pillar.mass_kg / plate_kg},
         }
 
     def check(self) -> None:
@@ -294,6 +298,8 @@ class Explorer:
         ]  # fmt: skip
         return {
             "frequency_hz": np.round(dispersion.frequency_hz, 1).tolist(),
+            "sector": dispersion.sector.tolist(),
+            **{name: [list(map(_share, row)) for row in getattr(dispersion, name)] for name in ("pillar", "flexural")},
             "error": error.tolist(),
             "mesh_error": None if by_mesh is None else by_mesh.tolist(),
             "labels": list(bases.labels),
@@ -614,6 +620,10 @@ def _profile(y_m: FloatArray, weights: FloatArray, squares: FloatArray, end_m: f
 
 def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
+
+
+def _share(value: float) -> float | None:
+    return round(float(value), 4) if math.isfinite(value) else None
 
 
 def _deviations(case: Case) -> Deviations:

@@ -220,6 +220,7 @@ def _sector(sector: Sector, numbers: _Numbers) -> Plain:
 def _block(cell: ParametricCell, block: ReducedBlock, numbers: _Numbers) -> Plain:
     n = block.stiffness.shape[1]
     upper = np.triu_indices(n)
+    out, whole = bands.line_forms(cell.interface, block.parity, cell.box.panel)
     return {
         "stiffness_exponents": block.stiffness_exponents.tolist(), "mass_exponents": block.mass_exponents.tolist(),
         "signs": block.signs.tolist(), "size": n, "functions": block.functions, "shares": block.shares.tolist(),
@@ -227,6 +228,7 @@ def _block(cell: ParametricCell, block: ReducedBlock, numbers: _Numbers) -> Plai
         "stiffness": numbers.put(block.stiffness[:, *upper]), "mass": numbers.put(block.mass[:, *upper]),
         "coordinates": numbers.put(block.coordinates), "touch": numbers.put(block.touch),
         "whole": _use(cell, block, cell.interface), "low": _use(cell, block, FACE),
+        "lines": {"out": numbers.put(out), "whole": numbers.put(whole)},
     }  # fmt: skip
 
 

@@ -208,11 +208,7 @@ class CellModel:
         outside the box.
         """
         dispersion = bands(self.cell, self.bases, sizes)
-        if self.mesh is None:
-            return dispersion
-        return replace(
-            dispersion, frequency_hz=np.sort(dispersion.frequency_hz / (1.0 + self.mesh.overestimate(sizes)), axis=1)
-        )
+        return dispersion.corrected(self.mesh.overestimate(sizes)) if self.mesh else dispersion
 
     def as_meshed(self, sizes: Sizes) -> FloatArray | None:
         """Relative error bars of the bands without correction for the mesh, (bands,); None as in `by_mesh`."""

@@ -17,11 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cholesky, eigh, solve_triangular
 
-from geometry.elements import BoolArray, FloatArray
-from solvers.parametric.affine import PITCH, SIDE, Sizes
+from geometry.elements import BoolArray, FloatArray, IntArray
+from solvers.parametric.affine import HEIGHT, PITCH, SIDE, Sizes, theta
 from solvers.parametric.block import BESIDE, RIGID, ReducedBlock, Sector, orthonormal, symmetric
 from solvers.parametric.cell import ClassAtDesign, Inner, ParametricCell, rigid_span
+from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
+from solvers.waves.branches import line_gram
 
 BOUNDARY = 20  # motions of the boundary that a sector keeps
 INNER = Inner(5, 5)
@@ -56,10 +58,25 @@ class BandBases:
 
 @dataclass(frozen=True)
 class Bands:
-    """Frequencies (k, bands) in Hz, ascending; error (bands,): each may lie so much of itself above its mesh's."""
+    """Frequencies (k, bands) in Hz, ascending; error (bands,): each may lie so much of itself above its mesh's.
+
+    sector (k, bands): which of the path's sectors a wave belongs to; waves of one sector cross those of others alone.
+    pillar, flexural (k, bands): shares of a wave's motion as `waves.branches` has them, nan for waves at rest.
+    """
 
     frequency_hz: FloatArray
     error: FloatArray
+    sector: IntArray
+    pillar: FloatArray
+    flexural: FloatArray
+
+    def corrected(self, overestimate: FloatArray) -> Bands:
+        """The bands less what they lie too high by, relative, (bands,)."""
+        hz = self.frequency_hz / (1.0 + overestimate)
+        order = np.argsort(hz, axis=1, kind="stable")
+        pillar, flexural = (np.take_along_axis(each, order, axis=1) for each in (self.pillar, self.flexural))
+        sector = np.take_along_axis(self.sector, order, axis=1)
+        return Bands(np.take_along_axis(hz, order, axis=1), self.error, sector, pillar, flexural)
 
 
 def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> Bands:
@@ -86,10 +103,82 @@ def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> 
     """
     parts = cell.parts(sizes, INNER, cell.interface)
     with one_thread():
-        solved = [_eigenvalues(parts, sector) for sector in bases.sectors]
-        values = _merged(solved, bases.sectors, len(bases.fractions), bases.count)
+        forms = _forms(cell, parts, sizes)
+        solved = [_moving(parts, forms, sector, bases.count, at) for at, sector in enumerate(bases.sectors)]
+        whole = [_aside(list(each), bases.sectors, len(bases.fractions)) for each in zip(*solved, strict=True)]
+        order = np.argsort(whole[0], axis=1, kind="stable")[:, : bases.count]
+        values, sector, pillar, flexural = (np.take_along_axis(each, order, axis=1) for each in whole)
         error = _error(parts, bases, values)
-    return Bands(cell.scale.frequency(values), SAFETY * error + bases.floor)
+    rest = values <= FLAT**2 * values[:, -1:]
+    pillar, flexural = (np.where(rest, np.nan, share) for share in (pillar, flexural))
+    hz = cell.scale.frequency(values)
+    return Bands(hz, SAFETY * error + bases.floor, sector.astype(np.int64), pillar, flexural)
+
+
+def _forms(
+    cell: ParametricCell, parts: Sequence[ClassAtDesign], sizes: FloatArray | Sizes
+) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """For each class the forms of a wave's energy in the pillar, of <u_z^2> and of <u^2> on the cell's sides."""
+    out = []
+    for block, part in zip(
+        cell.blocks, parts, strict=False
+    ):  # a class's image by exchanging x and y has none of its own
+        on = block.mass_exponents[:, HEIGHT] > 0
+        factors = theta(block.mass_exponents[on], sizes, cell.reference, cell.box)
+        pillar = part.shapes.T @ np.tensordot(factors, block.mass[on], axes=1) @ part.shapes
+        out.append((pillar, *line_forms(cell.interface, block.parity, cell.box.panel)))
+    return out
+
+
+def line_forms(face: Interface, parity: FloatArray, panel: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    """Average the squares of a class's thickness-mean motion along the sides of a panel.
+
+    Parameters
+    ----------
+    face : Interface
+        Degrees of the boundary polynomials.
+    parity : ndarray, shape (boundary, m)
+        The class's own.
+    panel : tuple of float
+        Edges along x and y; their ratio alone matters.
+
+    Returns
+    -------
+    out, whole : ndarray, shape (m, m)
+        Forms of <u_z^2> and of <u^2>.
+    """
+    gram = line_gram(face, panel)
+    each = [own.T @ gram @ own for own in (parity[axis :: 3 * face.layers] for axis in range(3))]
+    return each[2], np.sum(each, axis=0)
+
+
+def _moving(
+    parts: Sequence[ClassAtDesign],
+    forms: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
+    sector: Sector,
+    count: int,
+    number: int,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """The lowest eigenvalues of a sector, its number, and the waves' shares in pillar and bending, (k, m) each."""
+    own = [parts[member] for member in sector.classes]
+    stiffness, mass = _pencils(own, sector.bases)
+    lower = np.linalg.cholesky(mass)
+    half = np.linalg.solve(lower, stiffness)
+    values, turned = np.linalg.eigh(np.linalg.solve(lower, half.transpose(0, 2, 1)))
+    waves = np.linalg.solve(lower.transpose(0, 2, 1), turned[:, :, :count])
+    free, row, start = sector.bases.shape[2], 0, sector.bases.shape[2]
+    energy = np.zeros((3, *values[:, :count].shape))
+    for member, part in zip(sector.classes, own, strict=True):
+        width, stop = part.parity.shape[1], start + len(part.fixed_hz)
+        edge = sector.bases[:, row : row + width] @ waves[:, :free]
+        motion = np.concatenate([edge, waves[:, start:stop]], axis=1)
+        for total, form in zip(energy, forms[member], strict=True):
+            known = motion[:, : len(form)]
+            total += (known * (form @ known)).sum(axis=1)
+        row, start = row + width, stop
+    pillar, out, whole = energy
+    shares = np.clip(pillar, 0.0, 1.0), out / np.maximum(whole, np.finfo(float).tiny)
+    return values[:, :count], np.full(pillar.shape, float(number)), *shares
 
 
 def _lowest(
@@ -271,12 +360,17 @@ def _error(parts: Sequence[ClassAtDesign], bases: BandBases, values: FloatArray)
 
 def _merged(solved: list[FloatArray], of: Sequence[Sector], points: int, count: int) -> FloatArray:
     """The sectors' eigenvalues together, (points, count); infinite where none was asked for."""
+    return np.asarray(np.sort(_aside(solved, of, points), axis=1)[:, :count])
+
+
+def _aside(solved: list[FloatArray], of: Sequence[Sector], points: int) -> FloatArray:
+    """What the sectors have at each wavevector one after another, infinite beyond, (points, n)."""
     width, known = max(values.shape[1] for values in solved), np.zeros(points, dtype=np.int64)
     out = np.full((points, 2, width), np.inf)
     for values, sector in zip(solved, of, strict=True):
         out[sector.points, known[sector.points], : values.shape[1]] = values
         known[sector.points] += 1
-    return np.asarray(np.sort(out.reshape(points, -1), axis=1)[:, :count])
+    return out.reshape(points, -1)
 
 
 def _eigenvalues(parts: Sequence[ClassAtDesign], sector: Sector) -> FloatArray:

@@ -138,6 +138,77 @@ def test_the_plate_is_drawn_as_it_is_dragged(opened: Callable[..., Any]) -> None
     assert page.locator("#bands").get_attribute("aria-label") != shown and not page.faults
 
 
+@pytest.mark.slow
+def test_bands_have_the_colour_of_what_moves_and_go_on_through_crossings(
+    opened: Callable[..., Any], explorer: Explorer
+) -> None:
+    """A flexural wave begins as one and ends in the pillar's resonance; the mass that a plate carries follows the sliders."""
+    page = opened("#side=2.1&height=6.8&pitch=4.3&thickness=1.9")
+    kinds = page.evaluate("[[1, 0], [4, 0], [4, 1], [0, 0]].map(([point, band]) => motionOf(state.shown, point, band))")
+    assert kinds == ["flexural", "pillar", "pillar", None]
+    assert {"flexural", "plane", "pillar"} == set(
+        page.evaluate("[...document.querySelectorAll('#bands path.line')].map((line) => line.classList[1])")
+    )
+    assert page.locator(".keys li").all_text_contents() == ["flexural", "in plane", "pillar"]
+    own = {name: float(page.locator(f"#{name}-number").input_value()) for name in explorer.scene.limits}
+    design = explorer.scene.at(own).design
+    assert design.pillar is not None
+    plate_kg = design.stack.mass_kg_m2 * design.pitch_x_m * design.pitch_y_m
+    assert page.evaluate("carried(state.shown.design)") == pytest.approx(design.pillar.mass_kg / plate_kg, rel=1e-12)
+    crossing = "[0, 1, 2].map((band) => following({ sector: [[0, 1, 0], [1, 0, 0]] }, 0, band))"
+    assert page.evaluate(crossing) == [1, 0, 2]
+    assert page.evaluate(crossing.replace("[1, 0, 0]", "[3, 2, 3]")) == [0, 1, 2]  # the path turns
+    assert page.evaluate(crossing.replace("[1, 0, 0]", "[1, 1, 0]")) == [2, 0, -1] and not page.faults
+
+
+@pytest.mark.slow
+def test_the_band_diagram_is_zoomed_and_moved(opened: Callable[..., Any]) -> None:
+    """By wheel about the pointer, by dragging, keys and buttons; lines end at the frame."""
+    page = opened()
+    svg, seen = page.locator("#bands"), "view && [...view.x, ...view.y]"
+    assert page.evaluate(seen) is None
+    svg.scroll_into_view_if_needed()
+    box = svg.bounding_box()
+    assert box
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.3 * box["height"])
+    own = page.evaluate("Object.values(limits(state.shown, arc(state.shown.bands.labels)).own).flat()")
+    at = page.evaluate(
+        "([x, y]) => { const svg = $('bands').getBoundingClientRect(), unit = svg.width / WIDTH, f = state.frame;"
+        " return [(x * svg.width / unit - f.left) / f.width, 1 - (y * svg.height / unit - f.top) / f.height]; }",
+        [0.6, 0.3],
+    )
+    page.mouse.wheel(0, -400)
+    until(page, "view !== null")
+    now = page.evaluate(seen)
+    for place, low, high, before_low, before_high in zip(at, now[::2], now[1::2], own[::2], own[1::2], strict=True):
+        assert high - low == pytest.approx(1.0015**-400 * (before_high - before_low))
+        pixel = (before_high - before_low) / page.evaluate("state.frame.height * $('bands').clientWidth / WIDTH")
+        assert low + place * (high - low) == pytest.approx(before_low + place * (before_high - before_low), abs=pixel)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.4 * box["height"])
+    page.mouse.up()
+    moved = page.evaluate(seen)
+    assert moved[0] > now[0] and moved[2] > now[2]  # what was held goes with the pointer
+    assert moved[1] - moved[0] == pytest.approx(now[1] - now[0])
+    inside, frame = page.evaluate(
+        "[$('bands').querySelector('clipPath rect'), $('bands').querySelector('rect.frame')]"
+        ".map((rect) => ['x', 'y', 'width', 'height'].map((name) => rect.getAttribute(name)))"
+    )
+    assert inside == frame
+    assert page.evaluate("[...$('bands').querySelectorAll('path')].every((path) => path.closest('[clip-path]'))")
+    svg.focus()
+    page.keyboard.press("0")
+    assert page.evaluate(seen) is None
+    page.keyboard.press("+")
+    page.keyboard.press("ArrowUp")
+    assert page.evaluate("view.y[0]") > page.evaluate("view.x[0]") > 0.0
+    page.locator("#again").click()
+    assert page.evaluate(seen) is None
+    page.locator("#closer").click()
+    page.locator("#farther").click()
+    assert page.evaluate(seen) is None and not page.faults
+
+
 def test_a_phone_in_the_dark_needs_no_sideways_scrolling(opened: Callable[..., Any]) -> None:
     page = opened(viewport={"width": 360, "height": 740}, color_scheme="dark", reduced_motion="reduce")
     assert page.evaluate("document.documentElement.scrollWidth") <= 360

@@ -201,41 +201,58 @@ function put(svg, tag, attributes, text) {
   svg.append(element);
   return element;
 }
-function steps(high) {
-  const raw = high / 5, power = 10 ** Math.floor(Math.log10(raw || 1));
-  const step = [1, 2, 5, 10].map((n) => n * power).find((n) => n >= raw);
-  return Array.from({ length: Math.floor(high / step + 1e-9) + 1 }, (_, i) => i * step);
+// letters of at least LETTER px on the screen, in the units of a picture whose width follows the window
+const LETTER = 12, WIDTH = 620;
+const letters = (svg) => Math.max(13, LETTER * WIDTH / (svg.clientWidth || WIDTH));
+// round values between two ends: pairs of value and text
+function ticks(low, high) {
+  const raw = (high - low) / 5 || 1, power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((n) => n * power).find((n) => n >= raw), first = Math.ceil(low / step - 1e-9);
+  return Array.from({ length: Math.max(0, Math.floor(high / step + 1e-9) - first + 1) }, (_, i) => [(first + i) * step, String(Number(((first + i) * step).toPrecision(6)))]);
 }
-// ticks of an axis that begins at `low`: pairs of distance from it and text
-function ticks(low, high, unit) {
-  const step = steps((high - low) / unit)[1] || 1, first = Math.ceil(low / unit / step - 1e-9);
-  return Array.from({ length: Math.max(0, Math.floor(high / unit / step + 1e-9) - first + 1) }, (_, i) => [(first + i) * step * unit - low, String(Number(((first + i) * step).toPrecision(6)))]);
-}
-function frame(svg, xHigh, yHigh, xText, yText, xSteps) {
+// axes between two ends each; what is drawn `inside` them ends at the frame
+function frame(svg, [xLow, xHigh], [yLow, yHigh], xText, yText, xTicks = ticks(xLow, xHigh)) {
   svg.replaceChildren();
-  const box = svg.viewBox.baseVal, left = 60, top = 14, width = box.width - 76, height = box.height - 58;
-  const x = (v) => left + width * v / xHigh, y = (v) => top + height * (1 - v / yHigh);
-  for (const v of steps(yHigh)) {
+  const size = letters(svg), box = svg.viewBox.baseVal, left = 28 + 2.5 * size, top = 1.1 * size, width = box.width - left - 1.2 * size, height = box.height - top - 3.4 * size;
+  const x = (v) => left + width * (v - xLow) / (xHigh - xLow), y = (v) => top + height * (1 - (v - yLow) / (yHigh - yLow));
+  const words = (place, text, more = {}) => put(svg, "text", { "font-size": size, "text-anchor": "middle", ...place, ...more }, text);
+  for (const [v, text] of ticks(yLow, yHigh)) {
     put(svg, "line", { class: "grid", x1: left, x2: left + width, y1: y(v), y2: y(v) });
-    put(svg, "text", { x: left - 6, y: y(v) + 4, "text-anchor": "end" }, String(Number(v.toPrecision(6))));
+    words({ x: left - 6, y: y(v) + size / 3 }, text, { "text-anchor": "end" });
   }
-  for (const [v, text] of xSteps) {
+  for (const [v, text] of xTicks) {
+    if (v < xLow || v > xHigh) continue;
     put(svg, "line", { class: "grid", x1: x(v), x2: x(v), y1: top, y2: top + height });
-    put(svg, "text", { x: x(v), y: top + height + 18, "text-anchor": "middle" }, text);
+    words({ x: x(v), y: top + height + 1.4 * size }, text);
   }
-  put(svg, "text", { x: left + width / 2, y: top + height + 38, "text-anchor": "middle" }, xText);
-  put(svg, "text", { x: 14, y: top + height / 2, "text-anchor": "middle", transform: `rotate(-90 14 ${top + height / 2})` }, yText);
+  words({ x: left + width / 2, y: top + height + 2.9 * size }, xText);
+  words({ x: 1.1 * size, y: top + height / 2 }, yText, { transform: `rotate(-90 ${1.1 * size} ${top + height / 2})` });
+  put(put(svg, "clipPath", { id: `${svg.id}-frame` }), "rect", { x: left, y: top, width, height });
+  const inside = put(svg, "g", { "clip-path": `url(#${svg.id}-frame)` });
   put(svg, "rect", { class: "frame", x: left, y: top, width, height });
-  return { x, y, left, top, width, height };
+  return { x, y, left, top, width, height, inside };
 }
-function curve(svg, name, at, xs, ys) {
-  let path = "", pen = false;
+const shaded = (at, name, [x0, x1], [y0, y1]) => put(at.inside, "rect", { class: name, x: at.x(x0), y: at.y(y1), width: at.x(x1) - at.x(x0), height: at.y(y0) - at.y(y1) });
+const across = (at, name, v) => put(at.inside, "line", { class: name, x1: at.left, x2: at.left + at.width, y1: at.y(v), y2: at.y(v) });
+const upright = (at, name, v) => put(at.inside, "line", { class: name, x1: at.x(v), x2: at.x(v), y1: at.top, y2: at.top + at.height });
+// through points, smooth between them without a value beyond theirs (Fritsch and Carlson): harmonic means of the slopes
+function curve(at, name, xs, ys) {
+  const known = (i) => i >= 0 && i < xs.length && ys[i] !== null && ys[i] !== undefined;
+  const slope = (i) => (ys[i + 1] - ys[i]) / (xs[i + 1] - xs[i]);
+  const turn = (i) => {
+    if (!known(i - 1) || !known(i + 1)) return known(i + 1) ? slope(i) : known(i - 1) ? slope(i - 1) : 0;
+    const before = slope(i - 1), after = slope(i), [h, k] = [xs[i] - xs[i - 1], xs[i + 1] - xs[i]];
+    return before * after <= 0 ? 0 : 3 * (h + k) / ((2 * k + h) / before + (k + 2 * h) / after);
+  };
+  const place = (v, u) => `${at.x(v).toFixed(1)} ${at.y(u).toFixed(1)}`;
+  let path = "";
   xs.forEach((v, i) => {
-    if (ys[i] === null || ys[i] === undefined) { pen = false; return; }
-    path += `${pen ? "L" : "M"}${at.x(v).toFixed(1)} ${at.y(ys[i]).toFixed(1)}`;
-    pen = true;
+    if (!known(i)) return;
+    if (!known(i - 1)) { path += `M${place(v, ys[i])}`; return; }
+    const third = (v - xs[i - 1]) / 3;
+    path += `C${place(xs[i - 1] + third, ys[i - 1] + third * turn(i - 1))} ${place(v - third, ys[i] - third * turn(i))} ${place(v, ys[i])}`;
   });
-  if (path) put(svg, "path", { class: name, d: path });
+  if (path) put(at.inside, "path", { class: name, d: path });
 }
 // the path in units of pi over the pitch, so that designs of different pitch share the axis
 function arc(labels) {
@@ -260,7 +277,7 @@ function drawPlate() {
   if (!state.plate || !state.zone) return;
   const pitch = d.pitch * state.plate.ratio, rows = d.rows ? (d.rows - 1) * pitch + d.side : 0, half = state.zone / 2 + rows + d.extension, length = state.plate.length_mm;
   svg.replaceChildren();
-  const scale = Math.min(430 / length, 350 / (2 * half)), x = (v) => 20 + scale * (v + length / 2), y = (v) => 200 + scale * v;
+  const size = letters(svg), scale = Math.min(430 / length, 350 / (2 * half)), x = (v) => 20 + scale * (v + length / 2), y = (v) => 200 + scale * v;
   put(svg, "rect", { class: "plate", x: x(-length / 2), y: y(-half), width: scale * length, height: 2 * scale * half });
   if (shown) {
     const shade = put(svg, "linearGradient", { id: "along" }), count = STOPS * (state.plate.lines + 1);
@@ -288,47 +305,113 @@ function drawPlate() {
   const tall = 290 / Math.max(state.limits.height.high + state.limits.thickness.high, 1), foot = 320, width = tall * d.side, middle = 545;
   put(svg, "rect", { class: "plate", x: middle - 60, y: foot, width: 120, height: tall * d.thickness });
   put(svg, "rect", { class: "pillars", x: middle - width / 2, y: foot - tall * d.height, width, height: tall * d.height });
-  put(svg, "text", { x: 612, y: 392, "text-anchor": "end" }, `${d.height} mm on ${d.thickness} mm`);
-  put(svg, "text", { x: x(0), y: y(half) + 16, "text-anchor": "middle" }, `${figure(length)} × ${figure(2 * half)} mm`);
+  put(svg, "text", { x: 612, y: 392, "text-anchor": "end", "font-size": size }, `${d.height} mm on ${d.thickness} mm`);
+  put(svg, "text", { x: x(0), y: y(half) + 1.3 * size, "text-anchor": "middle", "font-size": size }, `${figure(length)} × ${figure(2 * half)} mm`);
 }
 const WINDOW = 1.8; // times the target frequency: where it counts
 const LETTERS = { G: "Γ" };
-function drawBands(found, before) {
-  const bands = found.bands, xs = arc(bands.labels), svg = $("bands");
-  $("path").textContent = bands.labels.filter(Boolean).map((text) => LETTERS[text] || text).join("–");
-  const top = Math.max(...bands.frequency_hz.flat()) / 1000, target = found.plate.why_not ? null : found.plate.frequency_hz / 1000;
-  const high = $("whole").checked || target === null ? top : Math.min(top, WINDOW * target);
-  const marks = bands.labels.map((text, i) => [xs[i], LETTERS[text] || text]).filter(([, text]) => text);
-  const at = frame(svg, xs[xs.length - 1], high * 1.03, "wavevector", "frequency (kHz)", marks);
-  for (const gap of bands.gaps.filter((each) => each.upper_hz <= 1030 * high))
-    put(svg, "rect", { class: "gap", x: at.left, width: at.width, y: at.y(gap.upper_hz / 1000), height: at.y(gap.lower_hz / 1000) - at.y(gap.upper_hz / 1000) });
-  const lines = (name, table) => table[0].forEach((_, band) =>
-    curve(svg, name === "line" ? `line b${band % 4}` : name, at, xs, table.map((row) => row[band] / 1000 <= high * 1.03 ? row[band] / 1000 : null)));
-  if (before) lines("before", before.bands.frequency_hz);
-  lines("line", bands.frequency_hz);
-  if (!found.plate.why_not) put(svg, "line", { class: "target", x1: at.left, x2: at.left + at.width, y1: at.y(found.plate.frequency_hz / 1000), y2: at.y(found.plate.frequency_hz / 1000) });
-  svg.setAttribute("aria-label", `Dispersion diagram, bands up to ${figure(high)} kHz, ${bands.gaps.length} complete gaps`);
+// what moves in a wave: the pillar, where it moves farther than the plate; else the plate, across or in its plane; null at rest
+function motionOf(found, point, band) {
+  const share = found.bands.pillar[point][band], { times, flexural } = state.motion;
+  if (share === null) return null;
+  return share > times ** 2 * carried(found.design) * (1 - share) ? "pillar" : found.bands.flexural[point][band] > flexural ? "flexural" : "plane";
 }
+function carried(design) { // a pillar's mass over that of the plate of its cell
+  const grown = (name) => design[name] / state.own[name];
+  return state.motion.carried * grown("side") ** 2 * grown("height") / (grown("pitch") ** 2 * grown("thickness"));
+}
+// which wave of the next point goes on with a wave: the same one of its mirror sector, for those of one sector do not cross;
+// where the path turns and has other sectors, the one of the same number; -1 beyond the last band
+function following(bands, point, band) {
+  const [here, there] = [bands.sector[point], bands.sector[point + 1]], number = (row, i) => row.slice(0, i).filter((each) => each === row[i]).length;
+  if (!here.some((each) => there.includes(each))) return band;
+  return there.findIndex((each, i) => each === here[band] && number(there, i) === number(here, band));
+}
+function branches(found, at, xs) { // a path for each kind of motion; a line that changes its kind does so halfway
+  const bands = found.bands, paths = { plane: "", flexural: "", pillar: "" }, place = (x, y) => `${at.x(x).toFixed(1)} ${at.y(y).toFixed(1)}`;
+  for (let i = 0; i + 1 < xs.length; i++)
+    bands.frequency_hz[i].forEach((hz, band) => {
+      const next = following(bands, i, band);
+      if (next < 0) return;
+      const [y0, y1] = [hz / 1000, bands.frequency_hz[i + 1][next] / 1000], first = motionOf(found, i, band), last = motionOf(found, i + 1, next);
+      const from = place(xs[i], y0), half = place((xs[i] + xs[i + 1]) / 2, (y0 + y1) / 2), to = place(xs[i + 1], y1);
+      if ((first || last) === (last || first)) paths[first || last || "flexural"] += `M${from}L${to}`;
+      else { paths[first] += `M${from}L${half}`; paths[last] += `M${half}L${to}`; }
+    });
+  return paths;
+}
+// what part of the diagram is seen: null is the window that counts, or all bands
+let view = null;
+function limits(found, xs) {
+  const top = Math.max(...found.bands.frequency_hz.flat()) / 1000, target = found.plate.why_not ? null : found.plate.frequency_hz / 1000;
+  const high = $("whole").checked || target === null ? top : Math.min(top, WINDOW * target);
+  return { own: { x: [0, xs[xs.length - 1]], y: [0, 1.03 * high] }, whole: { x: [0, xs[xs.length - 1]], y: [0, 1.03 * top] } };
+}
+const LEAST = 1e-3; // of the whole: the closest look
+function look(factor, about, shift) { // about, shift: in parts of what is seen
+  if (!state.shown) return false;
+  const { own, whole } = limits(state.shown, arc(state.shown.bands.labels)), now = view || own;
+  const along = (axis, i) => {
+    const [low, high] = now[axis], [least, most] = whole[axis], size = Math.max(Math.min((high - low) * factor, most - least), LEAST * (most - least));
+    const from = Math.min(Math.max(low + (high - low) * (about[i] + shift[i]) - about[i] * size, least), most - size);
+    return [from, from + size];
+  };
+  const next = { x: along("x", 0), y: along("y", 1) }, isSame = (one, other) => ["x", "y"].every((axis) => one[axis].every((v, i) => Math.abs(v - other[axis][i]) < 1e-9 * whole[axis][1]));
+  const moves = !isSame(now, next);
+  view = isSame(next, own) ? null : next;
+  if (moves) drawBands(state.shown, state.before);
+  return moves;
+}
+const MIDDLE = [0.5, 0.5], STILL = [0, 0], CLOSER = 0.8, PACE = 0.1;
+const KEYS = { "+": [CLOSER, STILL], "=": [CLOSER, STILL], "-": [1 / CLOSER, STILL], ArrowLeft: [1, [-PACE, 0]], ArrowRight: [1, [PACE, 0]], ArrowUp: [1, [0, PACE]], ArrowDown: [1, [0, -PACE]] };
+function lookAround() { // wheel, pointer, keys and buttons of the band diagram
+  const svg = $("bands"), again = () => { view = null; if (state.shown) drawBands(state.shown, state.before); };
+  let held = null;
+  const place = (event) => { const box = svg.getBoundingClientRect(), unit = box.width / WIDTH, { left, top, width, height } = state.frame; return [((event.clientX - box.left) / unit - left) / width, 1 - ((event.clientY - box.top) / unit - top) / height]; };
+  svg.addEventListener("wheel", (event) => { if (state.frame && look(1.0015 ** event.deltaY, place(event), STILL)) event.preventDefault(); }, { passive: false });
+  svg.addEventListener("pointerdown", (event) => { if (state.frame && (view || event.pointerType === "mouse")) { held = place(event); svg.setPointerCapture(event.pointerId); } });
+  svg.addEventListener("pointermove", (event) => { if (held) { const now = place(event); look(1, MIDDLE, [held[0] - now[0], held[1] - now[1]]); held = now; } });
+  for (const name of ["pointerup", "pointercancel"]) svg.addEventListener(name, () => { held = null; });
+  svg.addEventListener("dblclick", again);
+  svg.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key === "0") again(); else if (KEYS[event.key]) look(KEYS[event.key][0], MIDDLE, KEYS[event.key][1]); else return;
+    event.preventDefault();
+  });
+  $("closer").addEventListener("click", () => look(CLOSER, MIDDLE, STILL));
+  $("farther").addEventListener("click", () => look(1 / CLOSER, MIDDLE, STILL));
+  $("again").addEventListener("click", again);
+  $("whole").addEventListener("change", again);
+}
+function drawBands(found, before) {
+  const bands = found.bands, xs = arc(bands.labels), svg = $("bands"), { x, y } = view || limits(found, xs).own;
+  $("path").textContent = bands.labels.filter(Boolean).map((text) => LETTERS[text] || text).join("–");
+  const at = state.frame = frame(svg, x, y, "wavevector", "frequency (kHz)", bands.labels.map((text, i) => [xs[i], LETTERS[text] || text]).filter(([, text]) => text));
+  for (const gap of bands.gaps) shaded(at, "gap", x, [gap.lower_hz / 1000, gap.upper_hz / 1000]);
+  if (before) put(at.inside, "path", { class: "before", d: Object.values(branches(before, at, xs)).join("") });
+  for (const [motion, d] of Object.entries(branches(found, at, xs))) put(at.inside, "path", { class: `line ${motion}`, d });
+  if (!found.plate.why_not) across(at, "target", found.plate.frequency_hz / 1000);
+  svg.classList.toggle("near", view !== null);
+  svg.setAttribute("aria-label", `Dispersion diagram, bands from ${interval(1000 * y[0], 1000 * y[1])}, ${bands.gaps.length} complete gaps. Plus and minus zoom, arrow keys move, 0 goes back`);
+}
+const kHz = (hz) => hz.map((v) => v / 1000);
 function drawDecay(found, before) {
   const rows = found.rows, svg = $("decay");
-  if (!rows.frequency_hz.length) { svg.replaceChildren(); put(svg, "text", { x: 20, y: 40 }, "the target wavenumber lies beyond the zone's edge"); return; }
-  const low = rows.frequency_hz[0], span = rows.frequency_hz[rows.frequency_hz.length - 1] - low;
-  const known = rows.db_per_row.filter((v) => v !== null), high = Math.max(1, ...known) * 1.08;
-  const at = frame(svg, span, high, "frequency (kHz)", "decay per row (dB)", ticks(low, low + span, 1000));
-  const least = CONFINED_DB / found.design.rows;
-  if (least <= high) put(svg, "line", { class: "least", x1: at.left, x2: at.left + at.width, y1: at.y(least), y2: at.y(least) });
-  const inside = (other) => other.db_per_row.map((v, i) => (v !== null && v <= high && other.frequency_hz[i] >= low && other.frequency_hz[i] <= low + span) ? v : null);
-  if (before && before.rows.frequency_hz.length) curve(svg, "before", at, before.rows.frequency_hz.map((v) => v - low), inside(before.rows));
-  curve(svg, "line", at, rows.frequency_hz.map((v) => v - low), rows.db_per_row);
-  if (!found.plate.why_not) put(svg, "line", { class: "target", x1: at.x(found.plate.frequency_hz - low), x2: at.x(found.plate.frequency_hz - low), y1: at.top, y2: at.top + at.height });
+  if (!rows.frequency_hz.length) { svg.replaceChildren(); put(svg, "text", { x: 20, y: 40, "font-size": letters(svg) }, "the target wavenumber lies beyond the zone's edge"); return; }
+  const hz = kHz(rows.frequency_hz), high = Math.max(1, ...rows.db_per_row.filter((v) => v !== null)) * 1.08;
+  const at = frame(svg, [hz[0], hz[hz.length - 1]], [0, high], "frequency (kHz)", "decay per row (dB)");
+  across(at, "least", CONFINED_DB / found.design.rows);
+  if (before) curve(at, "before", kHz(before.rows.frequency_hz), before.rows.db_per_row);
+  curve(at, "line", hz, rows.db_per_row);
+  if (!found.plate.why_not) upright(at, "target", found.plate.frequency_hz / 1000);
 }
 function drawProfile(found, before) {
   const plate = found.plate, svg = $("profile");
-  if (plate.why_not) { svg.replaceChildren(); put(svg, "text", { x: 20, y: 40 }, plate.why_not); return; }
-  const at = frame(svg, plate.half_span_mm, 1.05, "distance from the zone's middle (mm)", "|u|, largest 1", steps(plate.half_span_mm).map((v) => [v, String(Number(v.toPrecision(6)))]));
-  put(svg, "rect", { class: "zone", x: at.left, y: at.top, width: at.x(plate.half_width_mm) - at.left, height: at.height });
-  if (before && !before.plate.why_not) curve(svg, "before", at, before.plate.profile.y_mm, before.plate.profile.level.map((v, i) => before.plate.profile.y_mm[i] <= plate.half_span_mm ? v : null));
-  curve(svg, "line", at, plate.profile.y_mm, plate.profile.level);
+  if (plate.why_not) { svg.replaceChildren(); put(svg, "text", { x: 20, y: 40, "font-size": letters(svg) }, plate.why_not); return; }
+  const at = frame(svg, [0, plate.half_span_mm], [0, 1.05], "distance from the zone's middle (mm)", "|u|, largest 1");
+  shaded(at, "zone", [0, plate.half_width_mm], [0, 1.05]);
+  if (before && !before.plate.why_not) curve(at, "before", before.plate.profile.y_mm, before.plate.profile.level);
+  curve(at, "line", plate.profile.y_mm, plate.profile.level);
 }
 
 // many designs, gathered a batch at a time between the answers to drags: two questions at once, one for each process
@@ -375,12 +458,12 @@ function drawCloud() {
   if (!points.length) return;
   for (const [id, text, value] of [["by-frequency", "frequency (kHz)", (p) => p.frequency_hz / 1000], ["by-mass", "mass (g)", (p) => p.mass_g]]) {
     const svg = $(id), own = points.map(value), room = 0.03 * Math.max(...own), low = Math.min(...own) - room, far = Math.max(...own) + room;
-    const at = frame(svg, far - low, Math.max(high, CONFINED_DB) * 1.05, text, "confinement (dB)", ticks(low, far, 1));
-    put(svg, "line", { class: "least", x1: at.left, x2: at.left + at.width, y1: at.y(CONFINED_DB), y2: at.y(CONFINED_DB) });
+    const at = frame(svg, [low, far], [0, Math.max(high, CONFINED_DB) * 1.05], text, "confinement (dB)");
+    across(at, "least", CONFINED_DB);
     for (const p of [...points].sort((a, b) => best.has(a) - best.has(b))) {
       if (p.confinement_db < 0) continue;
       const label = `${level(p.confinement_db, p.confinement_error_db)}, ${frequency(p.frequency_hz, p.frequency_error)}, ${figure(p.mass_g)} g`;
-      const dot = put(svg, "circle", { class: best.has(p) ? "dot front" : "dot", cx: at.x(value(p) - low).toFixed(1), cy: at.y(p.confinement_db).toFixed(1), r: best.has(p) ? 4.5 : 3 });
+      const dot = put(svg, "circle", { class: best.has(p) ? "dot front" : "dot", cx: at.x(value(p)).toFixed(1), cy: at.y(p.confinement_db).toFixed(1), r: best.has(p) ? 4.5 : 3 });
       if (best.has(p)) { dot.setAttribute("tabindex", "0"); dot.setAttribute("role", "button"); dot.setAttribute("aria-label", `Take the design with ${label}`); }
       put(dot, "title", {}, label);
       dot.addEventListener("click", () => take(p.design));
@@ -483,6 +566,10 @@ async function start() {
     state.limits = scene.limits;
     state.corners = scene.corners;
     state.plate = scene.plate;
+    state.motion = scene.motion;
+    state.own = scene.design;
+    $("times").textContent = scene.motion.times;
+    $("felt").textContent = `${figure(100 * scene.motion.flexural, 0)} %`;
     state.zone = scene.plate.zone_mm;
     cloud.batch = scene.batch;
     state.design = fromAddress(scene.design);
@@ -492,7 +579,8 @@ async function start() {
   drawPins();
   $("undo").addEventListener("click", () => step(state.undo, state.redo));
   $("redo").addEventListener("click", () => step(state.redo, state.undo));
-  $("whole").addEventListener("change", () => { if (state.shown) drawBands(state.shown, state.before); });
+  lookAround();
+  new ResizeObserver(() => { drawPlate(); if (state.shown) draw(); drawCloud(); }).observe($("bands"));
   $("pin").addEventListener("click", () => { if (state.shown && state.pins.length < MAX_PINS) { state.pins.push(state.shown); drawPins(); } });
   $("save").addEventListener("click", save);
   $("gather").addEventListener("click", gather);

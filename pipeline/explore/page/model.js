@@ -250,11 +250,9 @@ function classAt(one, sizes, use, counts, withTouch) {
   const inside = beside(modes, mul(more, turn.vectors)), every = [...values, ...turn.values];
   const coupling = mulT(pushed, inside);
   const rest = plus(mulT(pushed, answer), mul(scaledColumns(coupling, every.map((v) => 1 / v)), transposed(coupling)), -1);
-  const out = { k: flexible(halfSum(kbb), rigidSpan(use.rigid, sizes[0] / sizes[3])), m: halfSum(mbb), coupling, values: every, lost: rest, last: values[values.length - 1], width };
-  if (withTouch) {
-    const touch = { n: own.touch.length / n, m: n, a: own.touch }, flat = block(touch, 0, touch.n, 0, f), deep = block(touch, 0, touch.n, f, n);
-    out.touch = beside(plus(mul(flat, p), mul(deep, si)), mul(deep, inside));
-  }
+  const shapes = below(beside(p, mat(f, inside.m)), beside(si, inside));
+  const out = { k: flexible(halfSum(kbb), rigidSpan(use.rigid, sizes[0] / sizes[3])), m: halfSum(mbb), coupling, values: every, lost: rest, last: values[values.length - 1], width, shapes };
+  if (withTouch) out.touch = mul({ n: own.touch.length / n, m: n, a: own.touch }, shapes);
   return out;
 }
 const halfSum = (x) => { const out = mat(x.n, x.n); for (let i = 0; i < x.n; i++) for (let j = 0; j < x.n; j++) out.a[i * x.n + j] = (x.a[i * x.n + j] + x.a[j * x.n + i]) / 2; return out; };
@@ -275,8 +273,29 @@ function pencil(parts, basis) {
   return { k, m, free };
 }
 function basisOf(sector, at) { const size = sector.rows * sector.width; return { n: sector.rows, m: sector.width, a: sector.bases.subarray(at * size, (at + 1) * size) }; }
-function merged(points, count, found) {
-  return range(0, points).map((i) => found.filter(([point]) => point === i).flatMap(([, values]) => [...values]).sort((a, b) => a - b).slice(0, count));
+function merged(points, count, found) { // every sector's waves at each wavevector, by their eigenvalues
+  const out = range(0, points).map(() => []);
+  for (const [point, waves] of found) out[point].push(...waves);
+  return out.map((waves) => waves.sort((a, b) => a.value - b.value).slice(0, count));
+}
+function pillarForm(data, one, part, sizes) { // of a wave's kinetic energy in the pillar, whose share alone goes with the height
+  const weights = theta(data, one.own.mass_exponents, sizes).map((w, q) => one.own.mass_exponents[q][1] ? w : 0);
+  return congruent(summed(one.own.mass, weights, one.n), part.shapes);
+}
+function energies(total, form, x) { // adds x' form x of every column
+  const y = mul(form, x);
+  for (let i = 0; i < y.a.length; i++) total[i % y.m] += x.a[i] * y.a[i];
+}
+function wavesOf(data, parts, sector, at, number) { // with their shares in pillar and bending: solvers/waves/branches.py
+  const own = sector.classes.map((c) => parts[c]), basis = basisOf(sector, at), { k, m, free } = pencil(own, basis), { values, vectors } = symmetricPencil(k, m, true);
+  const count = Math.min(data.count, values.length), waves = firstColumns(vectors, count), edges = mul(basis, block(waves, 0, free, 0, count)), [pillar, out, whole] = range(0, 3).map(() => zeros(count));
+  let row = 0, start = free;
+  for (const part of own) {
+    const edge = block(edges, row, row += part.width, 0, count);
+    energies(pillar, part.pillar, below(edge, block(waves, start, start += part.values.length, 0, count)));
+    energies(out, part.lines.out, edge); energies(whole, part.lines.whole, edge);
+  }
+  return range(0, count).map((c) => ({ value: values[c], sector: number, pillar: Math.min(Math.max(pillar[c], 0), 1), flexural: out[c] / Math.max(whole[c], Number.MIN_VALUE) }));
 }
 function corrected(parts, basis, count) { // less what the inner functions left out take, to first order
   const { k, m, free } = pencil(parts, basis), { values, vectors } = symmetricPencil(k, m, true);
@@ -288,16 +307,14 @@ function corrected(parts, basis, count) { // less what the inner functions left 
       for (let i = 0; i < part.width; i++) for (let j = 0; j < part.width; j++) taken += piece[i] * part.lost.a[i * part.width + j] * piece[j];
       row += part.width;
     }
-    return values[c] - values[c] ** 2 * taken;
+    return { value: values[c] - values[c] ** 2 * taken };
   });
 }
 function bandsOf(data, ready, sizes) {
   const parts = ready.map((one, number) => classAt(one, sizes, data.blocks[number].whole, data.bands_inner, false)), points = data.fractions.length;
+  parts.forEach((part, number) => { const { out, whole } = data.blocks[number].lines, n = part.width; Object.assign(part, { pillar: pillarForm(data, ready[number], part, sizes), lines: { out: { n, a: out }, whole: { n, a: whole } } }); });
   const { flat, safety, smallest } = data.constants, found = [], better = [];
-  for (const sector of data.sectors) {
-    const own = sector.classes.map((c) => parts[c]);
-    sector.points.forEach((point, at) => { const { k, m } = pencil(own, basisOf(sector, at)); found.push([point, symmetricPencil(k, m, false).values]); });
-  }
+  data.sectors.forEach((sector, number) => sector.points.forEach((point, at) => found.push([point, wavesOf(data, parts, sector, at, number)])));
   for (const sector of data.rich) {
     const own = sector.classes.map((c) => parts[c]);
     sector.points.forEach((point, at) => better.push([point, corrected(own, basisOf(sector, at), data.count)]));
@@ -305,13 +322,14 @@ function bandsOf(data, ready, sizes) {
   const ours = merged(points, data.count, found), theirs = merged(points, data.count, better), excess = zeros(data.count);
   theirs.forEach((row, i) => {
     if (row.length < data.count) return;
-    row.forEach((v, band) => { if (v > flat ** 2 * row[row.length - 1]) excess[band] = Math.max(excess[band], 0.5 * Math.abs(ours[i][band] / v - 1)); });
+    row.forEach(({ value: v }, band) => { if (v > flat ** 2 * row[row.length - 1].value) excess[band] = Math.max(excess[band], 0.5 * Math.abs(ours[i][band].value / v - 1)); });
   });
   const error = Array.from(excess, (v, i) => safety * Math.max(v, excess[i + 1] || 0, excess[i - 1] || 0) + data.floor);
   const high = data.mesh ? betweenCorners(data, data.mesh.high, sizes) : zeros(data.count);
-  const frequency = ours.map((row) => row.map((v, band) => Math.sqrt(Math.max(v, 0)) * data.angular / (2 * Math.PI) / (1 + high[band])).sort((a, b) => a - b));
+  const sorted = ours.map((row) => row.map((wave, band) => ({ ...wave, rests: wave.value <= flat ** 2 * row[row.length - 1].value, hz: Math.sqrt(Math.max(wave.value, 0)) * data.angular / (2 * Math.PI) / (1 + high[band]) })).sort((a, b) => a.hz - b.hz));
+  const table = (of) => sorted.map((row) => row.map(of)), frequency = table((wave) => wave.hz), share = (name) => table((wave) => wave.rests ? null : wave[name]);
   const mesh = data.mesh ? betweenCorners(data, data.mesh.corners, sizes).map((v) => data.mesh.margin * v) : null;
-  return { frequency_hz: frequency, error, mesh_error: mesh, as_meshed: mesh && mesh.map((v, band) => v + high[band]), labels: data.labels, gaps: gapsOf(frequency, error, mesh, smallest) };
+  return { frequency_hz: frequency, sector: table((wave) => wave.sector), pillar: share("pillar"), flexural: share("flexural"), error, mesh_error: mesh, as_meshed: mesh && mesh.map((v, band) => v + high[band]), labels: data.labels, gaps: gapsOf(frequency, error, mesh, smallest) };
 }
 function unitOf(data, sizes) { // solvers/parametric/affine.py
   const box = data.box, unit = sizes.map((v, i) => Math.log(v / box.low[i]) / Math.log(box.high[i] / box.low[i])), side = data.foot.widest * sizes[2] / box.narrow, least = Math.max(box.low[3] - side, box.clearance / box.narrow);

@@ -15,7 +15,7 @@ function placed(value, numbers) {
   return Object.fromEntries(Object.entries(value).map(([name, each]) => [name, placed(each, numbers)]));
 }
 function answered(path, body) {
-  if (path === "scene") return { name: model.name, limits: model.limits, design: model.design, batch: model.batch, corners: model.corners, plate: model.plate };
+  if (path === "scene") return { name: model.name, limits: model.limits, design: model.design, batch: model.batch, corners: model.corners, plate: model.plate, motion: model.motion };
   if (path === "answer") return answerOf(model, body);
   if (path === "cloud") return cloudOf(model, body.first);
   const faults = faultsOf(model, body);

@@ -151,6 +151,14 @@ def require_same_bands(explorer: Explorer, given: Design, ours: dict[str, Any], 
         assert theirs[name] == pytest.approx(ours[name], abs=SAME), name
     assert theirs["gaps"] == [pytest.approx(gap, rel=SAME, abs=SAME) for gap in ours["gaps"]]
     assert theirs["labels"] == ours["labels"]
+    apart = np.diff(exact, axis=1, prepend=-np.inf, append=np.inf) / np.maximum(exact[:, -1:], 1.0)
+    gap = np.minimum(apart[:, 1:], apart[:, :-1])
+    alone = moving & (gap > 10.0 * SAME)  # closer waves may be any mixture of both
+    assert (np.array(theirs["sector"]) == solved.sector)[alone].all() and alone.mean() > 0.5
+    for name in ("pillar", "flexural"):  # a matrix off by SAME turns a wave by SAME over its distance from the next
+        shares, own = np.array(theirs[name], dtype=float), getattr(solved, name)
+        assert (np.isnan(shares) == ~moving).all()
+        assert (np.abs(shares - own)[alone] <= 4.0 * SAME / gap[alone]).all(), name
 
 
 def require_same_answers(
