@@ -11,4 +11,4 @@ target = modes.target
 print(f"target mode: {target.frequency_hz:.0f} Hz, MAC {target.mac:.2f}, {target.confinement_db:.1f} dB")
 bands = plate.bands()
 print("gaps:", [(round(gap.lower_hz), round(gap.upper_hz)) for gap in bands.gaps])
-modes.plot().figure.savefig("from-python.png")
+modes.as_figure().savefig("from-python.png")

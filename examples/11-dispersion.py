@@ -10,4 +10,4 @@ plate = antinode.Plate(
 )
 bands = plate.bands()
 print(bands, *(f"gap from {gap.lower_hz / 1e3:.1f} to {gap.upper_hz / 1e3:.1f} kHz" for gap in bands.gaps), sep="\n")
-bands.plot().figure.savefig("dispersion.png")
+bands.as_figure().savefig("dispersion.png")

@@ -26,6 +26,7 @@ finally:
 CASES = sorted(path for path in (ROOT / "examples").iterdir() if path.suffix in (".toml", ".py"))
 NOT_EXAMPLES = {
     "small.toml": "the plate of tests and tutorials",
+    "materials.toml": "shown by docs/how-to",
     "housing.py": "writes housing.step of 31-housing.toml",
 }
 CHECKED = [each for each in pictures.examples() if each.figure is not None]

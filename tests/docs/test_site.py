@@ -94,6 +94,9 @@ def test_the_readme_is_short_begins_with_a_moving_plate_and_leads_somewhere() ->
     text = (ROOT / "README.md").read_text()
     assert len(text.splitlines()) <= 120 and len(text.split()) <= 900
     assert "make study" in text and "make test" in text
+    said = dict(re.findall(r"^## ([^\n]*)\n\n(.*?)(?=\n\n)", text, re.MULTILINE | re.DOTALL))
+    assert len(re.findall(r"[.:](?=\s|$)", said["How good is a number?"])) == 3
+    assert [line[:2] for line in said["What it cannot do"].splitlines()] == ["* "] * 5
     links = LINK.findall(text)
     assert [link for link in links if not (ROOT / link).exists()] == []
     with Image.open(ROOT / links[0]) as film:

@@ -1,7 +1,8 @@
-"""Every command of the tutorials and how-to pages, and every example script, run as a reader would run them."""
+"""Every command and every Python of the README and the docs, and every example script, run as a reader would run them."""
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import runpy
@@ -9,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -17,11 +19,15 @@ from pipeline.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
-OTHERS = [ROOT / "docs" / "start.md", *sorted((ROOT / "docs" / "how-to").glob("*.md"))]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
 QUICK = ("09-print-file", "42-amplitude-loop", "housing")
-BLOCK = re.compile(r"```sh\n(.*?)```", re.DOTALL)
-PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
+BLOCK = re.compile(r"```(\w*)\n(.*?)```", re.DOTALL)
+INLINE = re.compile(r"`(antinode [^`]+)`")
+HELP = "commands.md"  # wrapped lines of help
+UNFINISHED = ("arguments are required", "expected one argument")  # what an inline command may leave out
+ABBREVIATED = re.compile(r"COMMAND|NAME --jobs N|>|…|\.\.\.")
+PROGRAMS = (["python", "-c"], ["python", "-m"], ["jupyter", "execute"], ["make", "setup"])
 SHOWN = re.compile(
     r"```sh\n([^`]*\n)?([^`\n]+)\n```\n\n```text\n(.*?)```", re.DOTALL
 )  # the last command and what it prints
@@ -31,9 +37,14 @@ LONGEST_S = 900.0  # of a command, on cores that others use, too
 NEEDS_A_CLUSTER = "cluster"  # its Python starts jobs under Slurm
 
 
+def blocks(page: Path, language: str) -> list[str]:
+    """The blocks of code of a page in a language."""
+    return [text for kind, text in BLOCK.findall(page.read_text()) if kind == language]
+
+
 def commands(page: Path) -> list[str]:
     """The lines of a page's shell blocks."""
-    return [line for block in BLOCK.findall(page.read_text()) for line in block.splitlines() if line.strip()]
+    return [line for block in blocks(page, "sh") for line in block.splitlines() if line.strip()]
 
 
 def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -66,24 +77,10 @@ def test_what_a_page_shows_is_compared_by_words_and_numbers() -> None:
         assert not shows(wrong, printed)
 
 
-# half a minute to two minutes each
-SLOW = {
-    *(
-        "finger",
-        "how-many-rows",
-        "own-pillar",
-        "first-plate",
-        "table-to-board",
-        "own-measurement",
-        "other-programs",
-        "cluster",
-    ),
-    *("search-and-tolerance", "shaped-patches", "start", "notebooks", "own-mesh", "materials"),
-}
 PAGES = [
-    pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
-    for page in [*TUTORIALS, *OTHERS]
-    if commands(page)
+    pytest.param(page, id=page.stem)
+    for page in DOCUMENTS
+    if commands(page) and page.name != "gallery.md"  # whose commands are those of its pictures and checked figures
 ]
 
 
@@ -95,14 +92,17 @@ def files() -> set[Path]:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_a_tutorial_runs(page: Path, tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    for name in ("examples", "studies"):
+        shutil.copytree(ROOT / name, tmp_path / name)
     before = files()
     listings = {line: text for _, line, text in SHOWN.findall(page.read_text())}
     for line in commands(page):
+        if line.startswith("make"):
+            continue  # this environment
         ended = shell(line, tmp_path)
         assert ended.returncode == 0, f"{line}\n{ended.stdout[-800:]}\n{ended.stderr[-1500:]}"
         assert shows(listings.get(line, ""), ended.stdout), f"{line}\n{ended.stdout}"
-    for number, block in enumerate(PYTHON.findall(page.read_text()) if page.stem != NEEDS_A_CLUSTER else []):
+    for number, block in enumerate(blocks(page, "python") if page.stem != NEEDS_A_CLUSTER else []):
         script = tmp_path / f"block{number}.py"
         script.write_text(block)
         ended = shell(f'"{sys.executable}" "{script}"', tmp_path)
@@ -110,15 +110,63 @@ def test_a_tutorial_runs(page: Path, tmp_path: Path) -> None:
     assert files() == before  # nothing is left behind
 
 
-@pytest.mark.parametrize("page", [page for page in [*TUTORIALS, *OTHERS] if commands(page)], ids=lambda page: page.stem)
-def test_every_command_of_a_tutorial_is_one_that_there_is(page: Path) -> None:
+@pytest.mark.parametrize("page", DOCUMENTS, ids=lambda page: page.stem)
+def test_every_command_shown_is_one_that_there_is(page: Path) -> None:
     """Its options too, and the case files that it names: quicker than running them."""
-    for words in (shlex.split(line) for line in commands(page)):
+    listed = [] if page.name == HELP else [line for block in blocks(page, "text") for line in block.splitlines()]
+    shown = commands(page) + [line for line in listed if line.startswith("antinode ")]
+    for words in (shlex.split(line, comments=True) for line in shown):
         if words[0] == "antinode":
-            assert main._parser().parse_args(words[1:]).command == words[1]
-            assert all((ROOT / word).is_file() for word in words if word.startswith("examples/"))
+            assert understood(words) == "", words
+            named = [word for word in words if re.match(r"(examples|studies)/[\w./-]+$", word)]
+            assert all((ROOT / word).is_file() for word in named), words
         else:
-            assert words[:2] in (["python", "-c"], ["python", "-m"], ["jupyter", "execute"])
+            assert words[:2] in PROGRAMS or (words[0] == "python" and (ROOT / words[1]).is_file()), words
+    for line in INLINE.findall(BLOCK.sub("", page.read_text())):
+        fault = "" if ABBREVIATED.search(line) else understood(shlex.split(line))
+        assert not fault or any(each in fault for each in UNFINISHED), f"{line}: {fault}"
+
+
+def understood(words: list[str]) -> str:
+    """What the command line's own parser says against words; empty if it takes them."""
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said), redirect_stdout(io.StringIO()):
+            main._parser().parse_args(words[1:])
+    except SystemExit as ended:
+        return said.getvalue() if ended.code else ""
+    return ""
+
+
+def test_a_wrong_command_is_seen() -> None:
+    for line in ("antinode mods a.toml", "antinode modes a.toml --plott b.svg", "antinode modes a.toml --part lid"):
+        assert understood(line.split()) and not any(each in understood(line.split()) for each in UNFINISHED)
+
+
+def test_every_table_of_a_case_file_shown_is_an_excerpt_of_a_case_that_there_is() -> None:
+    """Line for line; tests load all of these cases."""
+    cases = [path.read_text() for folder in ("examples", "studies") for path in (ROOT / folder).rglob("*.toml")]
+    shown = [(page, block) for page in DOCUMENTS for block in blocks(page, "toml")]
+    assert len(shown) > 10
+    strange = [
+        f"{page.name}: {block}" for page, block in shown if not any(f"\n{block}" in f"\n{case}\n" for case in cases)
+    ]
+    assert strange == []
+
+
+@pytest.mark.slow
+def test_python_shown_has_the_types_that_a_checker_sees(tmp_path: Path) -> None:
+    """Every name, method and keyword: misspelt ones are errors to mypy."""
+    sources = [block for page in DOCUMENTS if page.stem != NEEDS_A_CLUSTER for block in blocks(page, "python")]
+    assert len(sources) >= 2
+    for name, source in {f"block{n}": text for n, text in enumerate(sources)}.items():
+        (tmp_path / f"{name}.py").write_text(source)
+    (tmp_path / "wrong.py").write_text(sources[0].replace(".bands()", ".band()"))
+    words = ["-m", "mypy", "--config-file=", "--follow-imports=silent", "--ignore-missing-imports", "."]
+    environment = os.environ | {"MYPYPATH": str(ROOT)}
+    ended = subprocess.run([sys.executable, *words], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    errors = [line for line in ended.stdout.splitlines() if ": error:" in line]
+    assert errors and all(line.startswith("wrong.py") for line in errors), ended.stdout
 
 
 @pytest.mark.slow
