@@ -187,6 +187,7 @@ class Scene:
         assert design.pillar is not None
         plate_kg = design.stack.mass_kg_m2 * design.pitch_x_m * design.pitch_y_m
         plate |= {"ratio": design.pitch_y_m / design.pitch_x_m, "stagger": design.stagger, "lines": design.nodal_lines}
+        plate["patches"] = self.case.patches is not None
         return {
             **{"name": self.case.name, "limits": limits, "design": self.own(), "batch": BATCH, "corners": corners},
             "plate": plate,

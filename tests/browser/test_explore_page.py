@@ -112,6 +112,7 @@ def test_undo_pins_and_what_does_not_fit(opened: Callable[..., Any]) -> None:
     page.locator("#height-number").fill("8.5")
     until(page, "document.querySelector('#said').className == 'bad'")
     assert "height = 8.5 mm" in page.locator("#said").inner_text()
+    assert page.evaluate("document.body.classList.contains('stale')"), "the figures are another design's"
     page.locator("#undo").click()
     until(page, "document.querySelector('#said').className != 'bad'")
     assert page.locator("#height-number").input_value() == "6.3"
@@ -209,6 +210,69 @@ def test_the_band_diagram_is_zoomed_and_moved(opened: Callable[..., Any]) -> Non
     assert page.evaluate(seen) is None and not page.faults
 
 
+@pytest.mark.slow
+def test_figures_of_another_design_are_grey_and_still_while_it_computes(opened: Callable[..., Any]) -> None:
+    page = opened()
+    held: list[Any] = []
+    look = (
+        "[...document.querySelectorAll('.cards, #decay, .swing')].map((each) => getComputedStyle(each))"
+        ".map((style) => [style.filter, style.animationName])"
+    )
+    moving = [["none", "none"], ["none", "none"], ["none", "swing"]]
+    assert sorted(page.evaluate(look)) == moving and page.locator("#said").inner_text() == ""
+    page.route("**/answer", lambda route: held.append(route))
+    page.locator("#rows-number").fill("2")
+    until(page, "document.querySelector('#said').textContent.startsWith('computing')")
+    assert "56.0 × 42.0 mm" in page.locator("#plate").text_content()  # the new plate, with the old motion
+    assert page.evaluate(look) == [["grayscale(1)", "none"]] * 3
+    held.pop().continue_()
+    until(page, READY)
+    assert sorted(page.evaluate(look)) == moving and page.locator("#said").inner_text() == ""
+    page.locator("#moves").uncheck()
+    assert page.evaluate("getComputedStyle(document.querySelector('.swing')).animationName") == "none"
+    assert "antinode response" in page.locator("main").inner_text() and page.locator("#patched").is_visible()
+    assert not page.faults
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [390, 700, 1000, 1440])
+def test_no_letter_is_smaller_than_eleven_pixels(opened: Callable[..., Any], width: int) -> None:
+    page = opened(viewport={"width": width, "height": 900})
+    page.evaluate(
+        "cloud.points = [{ frequency_hz: 3e4, confinement_db: 12, mass_g: 9, design: state.design }];"
+        "cloud.count = 1; drawCloud(); state.pins.push(state.shown); drawPins(); drawCloud()"
+    )
+    sizes = page.evaluate(
+        "[...document.querySelectorAll('body *')].filter((each) => each.getClientRects().length"
+        " && [...each.childNodes].some((node) => node.nodeType === 3 && node.data.trim()))"
+        ".map((each) => [parseFloat(getComputedStyle(each).fontSize)"
+        " * (each.ownerSVGElement ? each.ownerSVGElement.clientWidth / WIDTH : 1), each.textContent])"
+    )
+    assert min(sizes)[0] >= 11.0, min(sizes)
+    assert len(sizes) > 80 and page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.slow
+def test_a_curve_is_smooth_and_stays_between_its_points(opened: Callable[..., Any]) -> None:
+    """A cubic whose slopes are off by s is off by at most 4/27 s h at each end. Harmonic means of a square's slopes at x = 11
+    to 13 are off by a quarter of their difference's square over their mean, 1/11 at most; lines would be off by h^2/4.
+    """
+    page = opened()
+    draw = (
+        "([xs, ys]) => { const inside = document.createElementNS(NS, 'g'); $('decay').append(inside);"
+        " curve({ x: (v) => 1000 * v, y: (v) => 1000 * v, inside }, 'line', xs, ys); const path = inside.firstChild;"
+        " const all = Array.from({ length: 801 }, (_, i) => path.getPointAtLength(path.getTotalLength() * i / 800));"
+        " inside.remove(); return all.map((point) => [point.x / 1000, point.y / 1000]); }"
+    )
+    at = np.arange(10.0, 15.0)
+    x, y = np.array(page.evaluate(draw, [at.tolist(), (at**2).tolist()])).T
+    middle = (x > 11.0) & (x < 13.0)
+    assert middle.sum() > 100 and np.abs(y - x**2)[middle].max() < 8.0 / 27.0 / 11.0 < 1.0 / 4.0
+    _, y = np.array(page.evaluate(draw, [[0.0, 1.0, 1.1, 2.0, 3.0], [0.0, 0.0, 5.0, 5.2, 0.0]])).T
+    assert y.min() >= -1e-3 and y.max() <= 5.2 + 1e-3
+    assert not page.faults
+
+
 def test_a_phone_in_the_dark_needs_no_sideways_scrolling(opened: Callable[..., Any]) -> None:
     page = opened(viewport={"width": 360, "height": 740}, color_scheme="dark", reduced_motion="reduce")
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
@@ -294,12 +358,19 @@ def test_the_cloud_keeps_to_a_window_of_frequencies(opened: Callable[..., Any]) 
     inside = sum(1e3 * low <= tone <= 1e3 * high for tone in tones)
     assert shown("", "") == [len(tones)] * 2 and 0 < inside < len(tones)
     assert shown(f"{low}", f"{high}") == [inside] * 2
-    assert "in the window" in page.locator("#gathered").inner_text()
+    count = page.evaluate("cloud.count")
+    assert page.locator("#gathered").inner_text().startswith(f"{inside} of {count} designs shown")
     best = max((p for p in points if 1e3 * low <= p["frequency_hz"] <= 1e3 * high), key=lambda p: p["confinement_db"])
     named = page.locator("#by-mass .dot.front title").all_text_contents()
     assert any(name.startswith(page.evaluate(f"level({best['confinement_db']}, null)")) for name in named)
     assert shown(f"{low}", "") == [len(tones) - 2] * 2 and shown(f"{high}", f"{low}") == [0, 0]
     assert shown("", "") == [len(tones)] * 2 and not page.faults
+    levels = sorted(page.evaluate("cloud.points.map((point) => point.confinement_db)"))
+    page.locator("#confined").fill(f"{(levels[-3] + levels[-2]) / 2.0}")
+    assert page.locator("#by-mass .dot").count() == 2
+    assert page.locator("#gathered").inner_text().startswith(f"2 of {count} designs shown")
+    page.locator("#confined").fill("")
+    assert page.locator("#by-mass .dot").count() == len(levels), "levels below 0 dB are drawn where they are asked for"
 
 
 @pytest.fixture(scope="module")

@@ -113,21 +113,24 @@ function step(from, onto) {
   refresh();
 }
 
+const LATE_MS = 200; // an answer sooner needs no words
 // one question at a time: what was dragged meanwhile is asked as soon as the answer is here
 async function refresh() {
   intoAddress();
   drawPlate();
   if (state.asking) { state.again = true; return; }
   state.asking = true;
-  document.body.classList.add("stale");
+  document.body.classList.add("stale"); // until an answer is here: figures of another design are grey and still
+  const late = setTimeout(() => say("computing this design ...", false), LATE_MS);
   try {
     state.shown = await answer("answer", state.design);
     say("", false);
+    if (!state.again) document.body.classList.remove("stale");
     draw();
   } catch (fault) {
     say(fault.message, true);
   }
-  document.body.classList.remove("stale");
+  clearTimeout(late);
   state.asking = false;
   if (state.again) { state.again = false; refresh(); }
 }
@@ -286,10 +289,11 @@ function drawPlate() {
       put(shade, "stop", { class: u < 0 ? "down" : "up", offset: i / count, "stop-opacity": Math.abs(u).toFixed(3) });
     }
     const at = [0, ...shown.profile.y_mm.slice(1)], level = shown.profile.level;
+    const swing = put(svg, "g", { class: "swing" });
     for (let i = 0; i + 1 < at.length && at[i] < half; i++)
       for (const side of [-1, 1]) {
         const ends = [side * at[i], side * Math.min(at[i + 1], half)].sort((a, b) => a - b);
-        put(svg, "rect", { class: "motion", fill: "url(#along)", "fill-opacity": (0.9 * (level[i] + level[i + 1]) / 2).toFixed(3), x: x(-length / 2), y: y(ends[0]), width: scale * length, height: scale * (ends[1] - ends[0]) });
+        put(swing, "rect", { class: "motion", fill: "url(#along)", "fill-opacity": (0.9 * (level[i] + level[i + 1]) / 2).toFixed(3), x: x(-length / 2), y: y(ends[0]), width: scale * length, height: scale * (ends[1] - ends[0]) });
       }
   }
   put(svg, "rect", { class: "edge", x: x(-length / 2), y: y(-state.zone / 2), width: scale * length, height: scale * state.zone });
@@ -444,24 +448,23 @@ function front(points) { // those that no other beats in all three
     if (!kept.some((q) => worth(q).every((v, i) => v >= worth(p)[i]))) kept.push(p);
   return new Set(kept);
 }
-function inWindow(point) { // an empty end is open
-  const [low, high] = ["lowest", "highest"].map((id) => $(id).value === "" ? null : 1000 * Number($(id).value));
-  return (low === null || point.frequency_hz >= low) && (high === null || point.frequency_hz <= high);
+function isAsked(point) { // by the fields after the button; an empty one is open
+  const [low, high, least] = ["lowest", "highest", "confined"].map((id) => $(id).value === "" ? null : Number($(id).value));
+  return (low === null || point.frequency_hz >= 1000 * low) && (high === null || point.frequency_hz <= 1000 * high) && (least === null || point.confinement_db >= least);
 }
 function drawCloud() {
   if (!cloud.count) return;
-  const points = cloud.points.filter(inWindow), open = points.length === cloud.points.length;
-  $("gathered").textContent = `${cloud.count} designs computed, ${cloud.points.length} have a target mode${open ? "" : `, ${points.length} of them in the window`}`;
-  const best = front(points), high = Math.max(...points.map((p) => p.confinement_db));
+  const points = cloud.points.filter(isAsked), lacking = cloud.count - cloud.points.length;
+  $("gathered").textContent = `${points.length} of ${cloud.count} designs shown${lacking ? `; ${lacking} have no target mode` : ""}`;
+  const best = front(points), levels = points.map((p) => p.confinement_db);
   for (const id of ["by-frequency", "by-mass"]) $(id).replaceChildren();
   $("cloud").hidden = !points.length;
   if (!points.length) return;
   for (const [id, text, value] of [["by-frequency", "frequency (kHz)", (p) => p.frequency_hz / 1000], ["by-mass", "mass (g)", (p) => p.mass_g]]) {
     const svg = $(id), own = points.map(value), room = 0.03 * Math.max(...own), low = Math.min(...own) - room, far = Math.max(...own) + room;
-    const at = frame(svg, [low, far], [0, Math.max(high, CONFINED_DB) * 1.05], text, "confinement (dB)");
+    const at = frame(svg, [low, far], [Math.min(0, ...levels), 1.05 * Math.max(CONFINED_DB, ...levels)], text, "confinement (dB)");
     across(at, "least", CONFINED_DB);
     for (const p of [...points].sort((a, b) => best.has(a) - best.has(b))) {
-      if (p.confinement_db < 0) continue;
       const label = `${level(p.confinement_db, p.confinement_error_db)}, ${frequency(p.frequency_hz, p.frequency_error)}, ${figure(p.mass_g)} g`;
       const dot = put(svg, "circle", { class: best.has(p) ? "dot front" : "dot", cx: at.x(value(p)).toFixed(1), cy: at.y(p.confinement_db).toFixed(1), r: best.has(p) ? 4.5 : 3 });
       if (best.has(p)) { dot.setAttribute("tabindex", "0"); dot.setAttribute("role", "button"); dot.setAttribute("aria-label", `Take the design with ${label}`); }
@@ -569,6 +572,7 @@ async function start() {
     state.motion = scene.motion;
     state.own = scene.design;
     $("times").textContent = scene.motion.times;
+    $("patched").hidden = scene.plate.patches;
     $("felt").textContent = `${figure(100 * scene.motion.flexural, 0)} %`;
     state.zone = scene.plate.zone_mm;
     cloud.batch = scene.batch;
@@ -583,8 +587,13 @@ async function start() {
   new ResizeObserver(() => { drawPlate(); if (state.shown) draw(); drawCloud(); }).observe($("bands"));
   $("pin").addEventListener("click", () => { if (state.shown && state.pins.length < MAX_PINS) { state.pins.push(state.shown); drawPins(); } });
   $("save").addEventListener("click", save);
+  $("moves").checked = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const still = () => $("plate").classList.toggle("still", !$("moves").checked);
+  $("moves").addEventListener("change", still);
+  still();
   $("gather").addEventListener("click", gather);
-  for (const id of ["lowest", "highest"]) $(id).addEventListener("input", drawCloud);
+  $("confined").value = 0;
+  for (const id of ["lowest", "highest", "confined"]) $(id).addEventListener("input", drawCloud);
   $("full").addEventListener("click", computeFull);
   $("copy").addEventListener("click", async () => {
     try { await navigator.clipboard.writeText(location.href); say("the address is copied; it holds the design", false); } catch { say("copy it from the address bar: it holds the design", false); }
