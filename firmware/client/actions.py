@@ -175,14 +175,15 @@ def stop(client: Client, text: argparse.Namespace) -> None:
 
 def identify(client: Client, text: argparse.Namespace) -> None:
     """Measure the plate and load the values, then hold an amplitude, or rest."""
+    reference = None if text.reference is None else client.share_of(text.reference)
     if isinstance(client.status(), SingleStatus):
         _identify_by_chirps(client, text.plot)
         begin = client.start
     else:
         _identify_matrix(client, text.plot)
         begin = partial(client.pattern, 0)
-    if text.reference is not None:
-        begin(client.share_of(text.reference))
+    if reference is not None:
+        begin(reference)
         keep_running(client, "identify")
 
 

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, Protocol
 
 from firmware.protocol import (
     BAUD,
+    FAULTS,
     FRAME_MAX,
     KEPT,
     LOG_RECORDS,
@@ -49,6 +50,7 @@ from firmware.protocol import (
     UploadBegin,
     decode,
     encode,
+    fault_names,
     nothing,
     one_byte,
     pack,
@@ -64,6 +66,7 @@ ST_LINK = 0x0483  # USB vendor number of the debugger on a Nucleo
 READ_BYTES = 256
 BUSY_READS = 300  # consecutive full reads, 0.8 s of a line without a pause
 BUSY_S = 2.0  # time-out for the reply on a line that carries other data
+LASTING = {name for fault, text in FAULTS.items() if "not clearable" in text.meaning for name in fault_names(fault)}
 OTHER_VERSION = "image and client may have different versions"
 
 
@@ -126,6 +129,10 @@ class Refused(BoardError):
     """The board understood a request and refused it."""
 
 
+class _RefusedNow(Refused):
+    """Refused only in the present state."""
+
+
 class Level(NamedTuple):
     """Amplitude: a fraction of full scale, or in the unit "um"."""
 
@@ -170,7 +177,10 @@ class Client:
             self.port.write(frame)
             reply = self._reply(kind)
             if reply is not None:
-                return self._accepted(kind, reply, parsed)
+                try:
+                    return self._accepted(kind, reply, parsed)
+                except _RefusedNow as refused:
+                    raise Refused(f"{refused}{self._why_not(kind)}") from None
         raise BoardError(f"no answer to {kind.name.lower()}")
 
     def set(self, request: object) -> None:
@@ -323,6 +333,20 @@ class Client:
             self.drives = before
             raise
 
+    def _why_not(self, kind: Kind) -> str:
+        """State that forbids a request, and how to leave it."""
+        try:
+            status = None if kind is Kind.STATUS else self.status()
+        except BoardError:
+            status = None
+        if status is None:
+            return ""
+        if status.state == "fault":
+            lasting = sorted(LASTING.intersection(status.faults))
+            way = f"cannot leave {' and '.join(lasting)}" if lasting else "leaves it"
+            return f", fault {', '.join(status.faults)}: `clear` {way}"
+        return f", {status.state}" + (": `stop` ends it" if status.state != "idle" else "")
+
     def _reply(self, kind: Kind) -> Message | None:
         silent, end = 0, time.monotonic() + BUSY_S
         while silent < self.reads:
@@ -361,7 +385,7 @@ class Client:
         if result == Result.OK:
             with _in_words(kind):
                 return parsed(more)
-        raise Refused(f"{kind.name.lower()}: {_refusal(result, more)}")
+        raise (_RefusedNow if result == Result.NOT_NOW else Refused)(f"{kind.name.lower()}: {_refusal(result, more)}")
 
 
 def the_board() -> str:

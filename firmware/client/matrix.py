@@ -55,7 +55,7 @@ class Matrix:
 
     @property
     def noise(self) -> float:
-        """Standard deviation of V due to noise in T, relative to V: at most |T^-1| |dT|."""
+        """Standard deviation of the error that noise in T makes in V, relative to V."""
         return noise_of(self.responses, self.coherence)
 
     @property
@@ -66,9 +66,10 @@ class Matrix:
 
 
 def noise_of(responses: NDArray[np.complex128], coherence: NDArray[np.float64]) -> float:
-    """Bound |T^-1| |dT|, with the standard deviations dT of means over AVERAGED windows."""
+    """Root of the mean of |T^-1 dT|^2 (Frobenius), with the variances dT^2 of means over AVERAGED windows; the board's own."""
     spread2 = np.abs(responses) ** 2 * (1.0 / np.maximum(coherence, 1e-12) - 1.0) / (AVERAGED - 1)
-    return float(np.linalg.norm(np.linalg.pinv(responses), 2) * math.sqrt(spread2.sum()))
+    weights = (np.abs(np.linalg.pinv(responses)) ** 2).sum(axis=0)
+    return math.sqrt(float(weights @ spread2.sum(axis=1)))
 
 
 def margins(integral: float, passed: float, error: float) -> tuple[float, float]:
@@ -142,20 +143,17 @@ def describe(found: Matrix) -> str:
     )
 
 
-KEPT = (
-    "nothing is started, but the board keeps the matrix: `identify` measures again, `pattern 0 REFERENCE` and the button B1 "
-    "start it anyway"
-)
+KEPT = "nothing is held: `identify`, `pattern` and the button B1 measure again"
 
 
 def judge(found: Matrix) -> None:
-    """Raise BoardError unless the matrix is fit to hold a pattern with; the board keeps it all the same."""
+    """Raise BoardError unless the matrix is fit to hold a pattern with, by the board's judgement, too."""
     if found.coherent < COHERENCE_LEAST:
         raise BoardError(
             f"identify: coherence {found.coherent:.2f}, at least {COHERENCE_LEAST:g} needed: keep hands off the plate; raise "
             f"the gain of the conditioners or the drive limit; {KEPT}"
         )
-    if found.phase_deg < PHASE_LEAST_DEG or found.gain_db < GAIN_LEAST_DB:
+    if found.phase_deg < PHASE_LEAST_DEG or found.gain_db < GAIN_LEAST_DB or not found.status.identified:
         raise BoardError(
             f"identify: the errors of the matrix leave {found.phase_deg:.0f} deg and {found.gain_db:.1f} dB of margin, "
             f"{PHASE_LEAST_DEG:g} deg and {GAIN_LEAST_DB:g} dB needed (condition {found.status.condition:.3g}): choose a "

@@ -51,6 +51,11 @@ bool an_application_is_measured(an_application *app, const an_build *build)
 {
     app->measured++;
     app->confirmed = true;
+    return an_application_ends_measurement(app, build);
+}
+
+bool an_application_ends_measurement(an_application *app, const an_build *build)
+{
     if (app->supervisor.measure_only) {
         an_supervisor_enter(&app->supervisor, AN_STATE_IDLE);
         build->post_rest(app, false);

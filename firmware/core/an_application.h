@@ -91,6 +91,9 @@ bool an_application_identify(an_application *app, const an_build *build);
  * true. */
 bool an_application_is_measured(an_application *app, const an_build *build);
 
+/* Rest and return true if the job was only a measurement. */
+bool an_application_ends_measurement(an_application *app, const an_build *build);
+
 /* Request a return to rest; the drives fade out first. */
 void an_application_stop(an_application *app);
 

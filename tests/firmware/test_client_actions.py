@@ -75,7 +75,24 @@ def test_a_refused_start_stops_nothing(monkeypatch: pytest.MonkeyPatch, capsys) 
     """It runs by its button, maybe under somebody's finger."""
     port = FakePort(lambda reply: refused(reply, Kind.START))
     assert run(monkeypatch, port, "start", "0.1") == 3
-    assert kinds(port) == [Kind.START] and "refused in the present state" in capsys.readouterr().err
+    assert kinds(port) == [Kind.START, Kind.STATUS]
+    assert capsys.readouterr().err == "client: start: refused in the present state, idle\n"
+
+
+@pytest.mark.parametrize(
+    ("state", "faults", "words"),
+    [
+        (FAULT, Fault.MISMATCH, ", fault mismatch: `clear` leaves it"),
+        (FAULT, Fault.TABLE | Fault.BREAK, ", fault table, break: `clear` cannot leave table"),
+        (RUN, Fault(0), ", run: `stop` ends it"),
+    ],
+)
+def test_a_refusal_names_the_state_and_the_way_out(
+    monkeypatch: pytest.MonkeyPatch, capsys, state: int, faults: Fault, words: str
+) -> None:
+    port = FakePort(lambda reply: refused(reply, Kind.START), status=single_status(state, faults))
+    assert run(monkeypatch, port, "start", "0.1") == 3
+    assert capsys.readouterr().err == f"client: start: refused in the present state{words}\n"
 
 
 def refused(reply: Message, kind: Kind) -> bytes:
@@ -213,6 +230,10 @@ def test_amplitudes_are_in_micrometres_where_the_table_has_metres(
     assert "5 um: must be at most 4 um with the board's table" in capsys.readouterr().err
     assert run(monkeypatch, FakePort(), "start", "1um") == 2
     assert "1 um: the board's table has no metres per volt; give a fraction" in capsys.readouterr().err
+    for board in (single_status(), SIX_STATUS):
+        port = FakePort(status=board)
+        assert run(monkeypatch, port, "identify", "1um") == 2 and kinds(port) == [Kind.STATUS]
+        assert capsys.readouterr().err.count("\n") == 1
     assert run(monkeypatch, FakePort(status=status), "watch", "--seconds", "0.01") == 0
     assert "1.0000 um" in capsys.readouterr().out
 

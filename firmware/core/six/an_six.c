@@ -19,6 +19,9 @@
 #define AN_QUALITY_MOST 1000.0f /* of a plate that has settled by then */
 #define AN_PROBE_AIM 0.15f   /* of full scale: intended response of the next actuator */
 #define AN_VERIFY2 0.01f     /* squared: largest error of the superposition that T predicts */
+#define AN_ERROR2_MAX 0.0475f /* squared, of T: leaves the loop 60 degrees of phase margin, firmware/client/matrix.py */
+#define AN_COHERENCE_MIN 0.9f
+#define AN_INCOHERENT 1e-12f
 #define AN_PI_NUMBER 3.14159265f
 #define AN_RINGING 8.0f    /* time constants for which an undriven plate may ring beyond the sensors' range */
 #define AN_MISMATCH_TIME 8.0f /* time constants for which a sensor may differ from the model */
@@ -267,6 +270,8 @@ static void read_shape(an_six *app, uint32_t index)
     app->identified = 0u;
     app->base.confirmed = false;
     app->reachable = 0.0f;
+    app->motion = 0.0f;
+    app->misfit = 0.0f;
     an_clear(app->coherence, sizeof app->coherence);
     an_shaping_init(&app->shaping, app->channels);
     choose_window(app);
@@ -384,11 +389,41 @@ static void end_columns(an_six *app)
     }
 }
 
+/* Whether noise and misfit leave the loop its margins: mean square of the elements of T^-1 dT, with the variances dT^2 of
+ * means over PROBE_AVERAGE windows. */
+static bool is_fit(const an_six *app)
+{
+    float power = 0.0f;
+    float heard = 0.0f;
+    float error2 = app->misfit * app->misfit;
+    for (uint32_t i = 0u; i < app->channels; i++) {
+        float weight = 0.0f;
+        for (uint32_t j = 0u; j < app->channels; j++) {
+            weight += an_abs2(app->shaping.inverse[j * AN_SIX + i]) / (float)(PROBE_AVERAGE - 1);
+        }
+        for (uint32_t j = 0u; j < app->channels; j++) {
+            const float own = an_abs2(app->shaping.matrix[i * AN_SIX + j]);
+            const float all = own / (app->coherence[i * AN_SIX + j] + AN_INCOHERENT);
+            power += own;
+            heard += all;
+            error2 += weight * (all - own);
+        }
+    }
+    return power >= AN_COHERENCE_MIN * heard && error2 <= AN_ERROR2_MAX;
+}
+
+/* What may not be held is kept to be read, but measured again by the next start. */
 static void end_identify(an_six *app)
 {
     app->checking = false;
     if (!(app->misfit * app->misfit < AN_VERIFY2)) {
         fail(app, AN_FAULT_IDENTIFY);
+        return;
+    }
+    if (!is_fit(app)) {
+        if (!an_application_ends_measurement(&app->base, &an_six_build)) {
+            fail(app, AN_FAULT_IDENTIFY);
+        }
         return;
     }
     app->identified = 1u;

@@ -59,7 +59,7 @@ static an_result report_column(const an_six *app, const an_message *request, an_
     if (given.actuator >= app->channels) {
         return AN_BAD_VALUE;
     }
-    if (app->identified == 0u) {
+    if (app->identified == 0u && app->misfit == 0.0f) {
         return AN_NOT_NOW;
     }
     an_column column;
