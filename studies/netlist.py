@@ -26,22 +26,26 @@ DRIVE = {
     "LOWPASS{n}": "RF{n}.2 CF{n}.1 RG{n}.1",
     "SMOOTH{n}": "RG{n}.2 CG{n}.1 CC{n}.1",
     "INPUT{n}": "CC{n}.2 RC{n}.1 AMP{n}.in",
-    "PATCH{n}": "AMP{n}.out PZ{n}.1",
+    "PATCH{n}": "AMP{n}.out PZ{n}.1 RW{n}.1",
     "ENABLE": "AMP{n}.enable",
-    "GND": "CF{n}.2 CG{n}.2 RC{n}.2 PZ{n}.2 AMP{n}.gnd",
+    "GND": "CF{n}.2 CG{n}.2 RC{n}.2 PZ{n}.2 RW{n}.2 AMP{n}.gnd",
     "SUPPLY": "AMP{n}.v+",
 }
 BRIDGE = {
     "HIGH{n}": "MCU.{pin} RH{n}.1 DR{n}.high",
     "LOW{n}": "MCU.{low} RL{n}.1 DR{n}.low",
-    "GATEH{n}": "DR{n}.ho QH{n}.g",
-    "GATEL{n}": "DR{n}.lo QL{n}.g",
-    "MIDDLE{n}": "QH{n}.s QL{n}.d DR{n}.vs L{n}.1",
+    "OUTH{n}": "DR{n}.ho RA{n}.1 DA{n}.k",
+    "GATEH{n}": "RA{n}.2 DA{n}.a QH{n}.g",
+    "OUTL{n}": "DR{n}.lo RE{n}.1 DE{n}.k",
+    "GATEL{n}": "RE{n}.2 DE{n}.a QL{n}.g",
+    "DRIVERS": "DR{n}.vcc CV{n}.1 DB{n}.a",
+    "BOOT{n}": "DB{n}.k CB{n}.1 DR{n}.vb",
+    "MIDDLE{n}": "QH{n}.s QL{n}.d DR{n}.vs CB{n}.2 L{n}.1",
     "COIL{n}": "L{n}.2 RM{n}.1",
-    "PATCH{n}": "RM{n}.2 CX{n}.1 PZ{n}.1",
+    "PATCH{n}": "RM{n}.2 CX{n}.1 PZ{n}.1 RW{n}.1",
     "SUPPLY": "QH{n}.d",
     "SHUNT{k}": "QL{n}.s",
-    "GND": "RH{n}.2 RL{n}.2 CX{n}.2 PZ{n}.2 DR{n}.gnd",
+    "GND": "RH{n}.2 RL{n}.2 CX{n}.2 PZ{n}.2 RW{n}.2 CV{n}.2 DR{n}.gnd",
 }
 BREAK = {
     "SHUNT{n}": "RZ{n}.1 UC{n}.in+",
@@ -53,6 +57,8 @@ BREAK = {
 REFERENCE = {"3V3": "MCU.3V3 R1.1", "1V65": "R1.2 R2.1 C1.1", "GND": "MCU.GND R2.2 C1.2"}
 LIMIT = {"3V3": "R3.1", "LIMIT": "R3.2 R4.1", "GND": "R4.2"}
 ENABLE = {"ENABLE": "MCU.{pin} R5.1", "GND": "R5.2"}
+SUPPLY = {"SUPPLY": "J1.1", "GND": "J1.2"}
+DRIVERS = {"DRIVERS": "J2.1", "GND": "J2.2"}
 
 # Value, or what to look for, and use of a part, by the letters of its name.
 PARTS = {
@@ -74,11 +80,19 @@ PARTS = {
     "RH": ("10 kΩ", "pull-down of a gate signal"),
     "RL": ("10 kΩ", "pull-down of a gate signal"),
     "DR": ("half-bridge driver with 3.3 V inputs, dead time of 0.3 us or more", "bridge"),
+    "RA": ("10 Ω, more until the dead time holds", "rise of a high gate"),
+    "RE": ("10 Ω, more until the dead time holds", "rise of a low gate"),
+    "DA": ("1N4148", "fall of a high gate"),
+    "DE": ("1N4148", "fall of a low gate"),
+    "DB": ("fast recovery, the supply's voltage and 12 V", "bootstrap"),
+    "CB": ("100 nF, 25 V X7R: drops 0.2 V at a gate charge of 20 nC", "bootstrap"),
+    "CV": ("1 uF, 25 V X7R", "supply of a driver"),
     "QH": ("MOSFET, twice the supply's voltage, off within 0.3 us", "bridge"),
     "QL": ("MOSFET, twice the supply's voltage, off within 0.3 us", "bridge"),
     "L": ("16 mH for 10 nF and 4 kHz", "filter"),
     "RM": ("1.8 kΩ for 10 nF and 4 kHz", "filter"),
     "CX": ("10 nF less the patch", "filter"),
+    "RW": ("1 MΩ, for the patch's voltage", "discharge of a patch"),
     "RZ": ("0.1 V over the largest supply current", "shunt of three bridges"),
     "UC": ("LM393", "comparator, open collector"),
     "RP": ("4.7 kΩ", "pull-up of a break line"),
@@ -88,13 +102,15 @@ PARTS = {
     "R3": ("33 kΩ", "comparators' threshold of 0.1 V"),
     "R4": ("1 kΩ", "comparators' threshold of 0.1 V"),
     "R5": ("10 kΩ", "pull-down of the amplifier's enable line"),
+    "J1": ("supply of the power stage, fused, with an emergency stop", "supply"),
+    "J2": ("12 V, 0.1 A", "supply of the bridges' drivers"),
 }
 
 
 def circuits(build: str) -> list[tuple[dict[str, str], dict[str, object]]]:
     """Return the circuits of a build, each with what replaces its fields."""
     roles = {role: pin.name for pin in PINS if (role := getattr(pin, build))}
-    found: list[tuple[dict[str, str], dict[str, object]]] = [(REFERENCE, {})]
+    found: list[tuple[dict[str, str], dict[str, object]]] = [(REFERENCE, {}), (SUPPLY, {})]
     if build == "single":
         found += [(CONDITIONER, {"n": 1, "pin": roles["sensor"]}), (ENABLE, {"pin": roles["amplifier enable"]})]
         drives = (roles["drive"], roles["inverted drive"])
@@ -104,7 +120,7 @@ def circuits(build: str) -> list[tuple[dict[str, str], dict[str, object]]]:
         pins = {"pin": roles[f"bridge {n} high"], "low": roles[f"bridge {n} low"]}
         found.append((BRIDGE, {"n": n, "k": (n + 2) // 3, **pins}))
     breaks = (roles["break, bridges 1 to 3"], roles["break, bridges 4 to 6"])
-    return [*found, (LIMIT, {}), *((BREAK, {"n": n, "pin": pin}) for n, pin in enumerate(breaks, 1))]
+    return [*found, (DRIVERS, {}), (LIMIT, {}), *((BREAK, {"n": n, "pin": pin}) for n, pin in enumerate(breaks, 1))]
 
 
 def nets(build: str) -> dict[str, list[str]]:
@@ -113,9 +129,6 @@ def nets(build: str) -> dict[str, list[str]]:
     for circuit, fields in circuits(build):
         for net, nodes in circuit.items():
             found.setdefault(net.format(**fields), []).extend(nodes.format(**fields).split())
-    if "SUPPLY" in found:
-        found["SUPPLY"].append("J1.1")
-        found["GND"].append("J1.2")
     return found
 
 
@@ -135,12 +148,10 @@ def parts_text() -> str:
     rows = []
     for build in BUILDS:
         used = dict.fromkeys(node.partition(".")[0] for nodes in nets(build).values() for node in nodes)
-        names = [part for part in used if part != "J1"]
-        counts = Counter(map(kind, names))
+        counts = Counter(map(kind, used))
         for each, count in counts.items():
-            which = " ".join(part for part in names if kind(part) == each)
+            which = " ".join(part for part in used if kind(part) == each)
             rows.append((build, which, str(count), *PARTS[each]))
-        rows.append((build, "J1", "1", "supply of the power stage, fused, with an emergency stop", "supply"))
     return _csv([("build", "parts", "count", "value", "use"), *rows])
 
 

@@ -28,7 +28,7 @@ def test_each_pin_of_a_part_is_on_one_net_and_each_net_joins_parts(build: str) -
     nodes = Counter(node for each in nets.values() for node in each)
     assert set(nodes.values()) == {1}, [node for node, count in nodes.items() if count > 1]
     assert all(len(each) > 1 for each in nets.values()), [net for net, each in nets.items() if len(each) < 2]
-    parts = {node.partition(".")[0] for node in nodes} - {"J1"}
+    parts = {node.partition(".")[0] for node in nodes}
     assert {netlist.kind(part) for part in parts} <= set(netlist.PARTS)
     two_ended = [part for part in parts if re.match(r"[RCL]", part)]
     assert all({f"{part}.1", f"{part}.2"} <= set(nodes) for part in two_ended)
@@ -46,6 +46,23 @@ def test_every_part_is_used_and_every_drawn_value_is_listed() -> None:
     for name in ("wiring-sensor", "wiring-drive", "wiring-bridge"):
         drawn = re.findall(r">\s*([\d.]+ (?:kΩ|MΩ|nF|pF))\s*<", (wiring.FOLDER / f"{name}.svg").read_text())
         assert drawn and all(value in values for value in drawn), name
+
+
+@pytest.mark.parametrize("build", netlist.BUILDS)
+def test_the_netlist_has_what_the_page_on_high_voltage_orders(build: str) -> None:
+    """Resistors across the driven patches; drivers with supply and bootstrap; gates that rise slowly and fall at once."""
+    net_of = {node: net for net, each in netlist.nets(build).items() for node in each}
+    page = Path(netlist.FOLDER / "high-voltage.md").read_text()
+    assert "1 MΩ across each patch" in page and netlist.PARTS["RW"][0].startswith("1 MΩ")
+    for patch in [node.partition(".")[0] for node in net_of if re.fullmatch(r"PZ\d\.1", node)]:
+        assert all(net_of[f"{patch}.{end}"] == net_of[f"RW{patch[-1]}.{end}"] for end in (1, 2))
+    for n in range(1, 7 if build == "six" else 1):
+        assert net_of[f"DR{n}.vcc"] == net_of[f"CV{n}.1"] == net_of[f"DB{n}.a"] == net_of["J2.1"] != net_of["J1.1"]
+        assert net_of[f"DR{n}.vb"] == net_of[f"DB{n}.k"] == net_of[f"CB{n}.1"]
+        assert net_of[f"CB{n}.2"] == net_of[f"DR{n}.vs"] == net_of[f"QH{n}.s"]
+        for out, gate, resistor, diode in (("ho", "QH", "RA", "DA"), ("lo", "QL", "RE", "DE")):
+            assert net_of[f"DR{n}.{out}"] == net_of[f"{resistor}{n}.1"] == net_of[f"{diode}{n}.k"]
+            assert net_of[f"{gate}{n}.g"] == net_of[f"{resistor}{n}.2"] == net_of[f"{diode}{n}.a"]
 
 
 def roles(build: str) -> dict[str, str]:
