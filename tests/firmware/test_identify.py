@@ -19,7 +19,7 @@ from firmware.client.identify import Found, NotIdentified, describe, draw, ident
 from firmware.emulate.plant import Plate, Resonance
 from firmware.mode_table import Mode as TableMode
 from firmware.mode_table import ModeTable, hold, to_bytes
-from firmware.protocol import IDENTIFY, IDLE, RUN, Chirp, Measured
+from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Chirp, Fault, Measured
 from tests.helpers.hosted_boards import Rig, RigPort
 
 TRUE, GAIN, DELAY_S, NOISE = 31437.3, 0.8, 7.3e-6, 1e-3
@@ -157,6 +157,24 @@ def test_a_second_mode_close_by_is_told_apart(core, quality_factor: float, hz: f
     assert "another one at" in describe(found)
     assert found.loop.holds and found.loop.proportional * abs(second.gain) <= 0.5
     assert abs(bench.held()) < 2e-3
+
+
+@pytest.mark.parametrize("sensor", ["RIG_REVERSED", "RIG_DEAD"])
+@pytest.mark.parametrize(("half_bandwidths", "share"), [(2.0, -0.5), (-2.0, 0.7)])
+def test_close_modes_of_little_damping_are_held_and_their_sensor_is_watched(
+    core, half_bandwidths: float, share: float, sensor: str
+) -> None:
+    """Their loop is slow: for as long, the second mode may answer the drive with another sign than the first one."""
+    true = 14e3
+    bench = Bench(1000.0, 0.01, true, others=((half_bandwidths * 0.5 * true / 1000.0, share),))
+    found = identify(bench.client)
+    assert len(found.fit.modes) == 2 and found.loop.proportional * bench.gain < 1.0
+    assert abs(bench.held(1.0)) < 2e-3
+    bench.client.reference(0.1)
+    bench.rig.run(5e-3)
+    bench.rig.rig.plate.sensor = getattr(bench.rig.lib, sensor)
+    bench.rig.run(0.2)
+    assert bench.rig.state == FAULT and bench.rig.faults == Fault.MISMATCH
 
 
 @pytest.mark.parametrize("away", [-0.03, 0.01])

@@ -13,7 +13,6 @@
 #define AN_AMPLITUDE_MIN 0.004f /* of full scale: eight codes */
 #define AN_TOUCHED_RATIO 1.25f /* times the damping of the free plate */
 #define AN_FREE_MARGIN 0.8f    /* lower bound on the drive per amplitude, relative to that of the free plate */
-#define AN_LOOP_GAIN_MIN 0.1f  /* lower bound on Kp G, below which the plate alone would respond faster */
 
 /* exp(-x) for x >= 0 as a Pade approximant: between 0 and 1, with an error below 1e-4 for x up to 0.7. */
 static float decay_of(float x)

@@ -28,6 +28,9 @@
 #include "an_mode.h"
 #include "an_types.h"
 
+#define AN_LOOP_GAIN_MIN 0.1f  /* lower bound on Kp G, below which the plate alone would respond faster */
+#define AN_NEIGHBOUR_LOOP 0.5f /* largest loop gain through any other mode, whatever its phase */
+
 /* V = integral + proportional reference - state U - feed V before. */
 typedef struct {
     float proportional;

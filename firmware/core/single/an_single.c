@@ -11,7 +11,6 @@
 
 #define AN_RESPONSE_S 0.53e-3f   /* closed-loop time constant: 95 % in 1.6 ms, plus the age of a measurement */
 #define AN_LEAVING_S 0.2e-3f     /* likewise, when leaving the drive limit */
-#define AN_NEIGHBOUR_LOOP 0.5f   /* largest loop gain through any other mode, whatever its phase */
 #define AN_NO_BOUND 1e9f
 #define AN_NO_REFERENCE 1e-6f /* of full scale: far below noise */
 #define AN_USEFUL 0.2f           /* of G Vmax: highest level that is still approached at full speed */

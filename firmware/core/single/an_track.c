@@ -20,6 +20,7 @@
 #define AN_UNEXPLAINED_MIN 3e-4f /* of the squared motion: allows for noise in proportion to the signal */
 #define AN_NEIGHBOUR_DECAY 3.0f /* time constants for neighbours to ring down, in addition to UNEXPLAINED_MAX */
 #define AN_NOISE_MARGIN 12.0f
+#define AN_SETTLED 3.0f /* time constants of the closed loop */
 
 enum { HIDDEN_MAX = 6, IDLE_MAX = 2, UNDRIVEN_MAX = 3, UNEXPLAINED_MAX = 32, UNSTEADY = 2 };
 
@@ -45,7 +46,11 @@ void an_track_begin(an_track *track, const an_mode *mode, const an_pi_spec *spec
     track->unexplained = 0u;
     track->unexplained_most =
         UNEXPLAINED_MAX + (uint32_t)(AN_NEIGHBOUR_DECAY * mode->tau_s / (spec->period_s * (float)AN_TRACK_WINDOWS));
-    track->unsteady = UNSTEADY;
+    const float bounded = spec->proportional_max * an_abs(mode->gain);
+    const float loop = bounded > AN_LOOP_GAIN_MIN ? bounded : AN_LOOP_GAIN_MIN;
+    track->unsteady_most = UNSTEADY + (uint32_t)(AN_SETTLED * mode->tau_s / (loop * spec->period_s * (float)AN_TRACK_WINDOWS));
+    track->unsteady = track->unsteady_most;
+    track->neighbour = AN_NEIGHBOUR_LOOP / loop;
     track->limited = 0u;
     track->least = an_cplx(0.0f, 0.0f);
     track->hidden = 0u;
@@ -120,7 +125,13 @@ static void follow(an_track *track, an_complex a)
 
 void an_track_disturb(an_track *track)
 {
-    track->unsteady = UNSTEADY;
+    track->unsteady = track->unsteady_most;
+}
+
+/* Damping that a drive may seem to lack while its neighbours answer with another sign: of them, only a bound is known. */
+static float hidden_damping(const an_track *track, const an_balance *block)
+{
+    return 2.0f * track->neighbour / track->period_s * __builtin_sqrtf(block->given / block->motion);
 }
 
 static bool judge(an_track *track)
@@ -136,7 +147,8 @@ static bool judge(an_track *track)
     }
     track->limited = 2u * block->limited > block->count ? 1u : 0u;
     const bool idle = exceeds(&track->idle, drive_does_nothing(track, block), IDLE_MAX);
-    const float least = (steady ? AN_DAMPED_MIN : AN_PUSHED_MAX) * track->rate;
+    const float least = steady ? AN_DAMPED_MIN * track->rate
+                               : AN_PUSHED_MAX * track->rate - (moving ? hidden_damping(track, block) : 0.0f);
     const bool undriven = exceeds(&track->undriven, moving && a.re < least, UNDRIVEN_MAX);
     const bool unexplained = steady && exceeds(&track->unexplained, moving && model_explains_too_little(track, block),
                                                track->unexplained_most);

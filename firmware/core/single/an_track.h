@@ -59,6 +59,8 @@ typedef struct {
     uint32_t unexplained; /* blocks in steady state that the model explains too little */
     uint32_t unexplained_most;
     uint32_t unsteady; /* blocks until a change of the reference has settled */
+    uint32_t unsteady_most;
+    float neighbour; /* bound of the neighbours' response over the mode's */
     uint32_t limited;  /* nonzero: the drive was at its limit for most of the last block */
     an_complex least;  /* U of the most heavily damped plate, driven since the sensor last showed enough */
     uint32_t hidden;   /* consecutive windows that show less than half of it */
