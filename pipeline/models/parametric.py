@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import product
@@ -40,6 +40,7 @@ from solvers.parametric.affine import PITCH, AffineCell, DesignBox, FixedMesh, S
 from solvers.parametric.bands import FLAT, BandBases, Bands, band_bases, bands, compressed, own_error, rich_sectors
 from solvers.parametric.cell import ParametricCell, parametric_cell
 from solvers.superelement.interface import Interface
+from solvers.threads import one_thread
 
 ACCURACY = 0.002  # of the plain reductions; their own error is added
 MIN_ERROR = 1e-5
@@ -309,6 +310,7 @@ def _key(materials: tuple[Material, Material], offline: Offline) -> str:
 
 def _made(case: Case, offline: Offline, log: Log) -> CellModel:
     box = offline.box
+    log.info("the bases of this plate, pillar and box of sizes are computed once and kept: this takes some minutes")
     unseen = as_sizes(box.sample(between(UNSEEN, seed=3)))
     with log.step("mesh the reference cell"):
         affine, coarse = (
@@ -316,11 +318,11 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
         )
         assert affine is not None
     with log.step("reduce the cell over the box of designs"):
-        cell, *alone = _reduced(affine, coarse, offline, unseen)
+        cell, *alone = _reduced(affine, coarse, offline, unseen, log)
     path = box.path(offline.intervals // box.panels)  # the zone of staggered rows has more lines
     fractions, labels = path.wavevectors / np.pi, tuple(label or "" for label in path.labels)
     designs = box.spread(offline.waves, seed=2)
-    with log.step("gather waves at every wavevector"):
+    with log.step("gather waves at every wavevector"), one_thread():
         cell = compressed(cell, rich_sectors(cell, fractions, labels), BANDS, designs)
         floor = own_error(cell, alone, unseen, BANDS)
         bases = band_bases(cell, fractions, labels, BANDS, designs, floor)
@@ -329,7 +331,7 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
     )
     if not offline.measures_mesh:
         return CellModel(cell, bases)
-    with log.step("compare the box's corners with meshes of their own"), _mapped(offline) as apply:
+    with log.step("compare the box's corners with meshes of their own"), _mapped(offline, log, "design") as apply:
         mesh = mesh_table(case, cell, bases, unseen, apply)
     if mesh:
         worst, middle = mesh.margin * mesh.corners.max(), mesh.at(box.middle).max()
@@ -342,22 +344,25 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
 
 
 def _reduced(
-    affine: AffineCell, coarse: AffineCell | None, offline: Offline, unseen: list[Sizes]
+    affine: AffineCell, coarse: AffineCell | None, offline: Offline, unseen: list[Sizes], log: Log
 ) -> tuple[ParametricCell, ...]:
     """Symmetry classes side by side, in processes of their own."""
-    with _mapped(offline) as apply:
+    with _mapped(offline, log, "symmetry class") as apply:
         designs = offline.box.spread(offline.designs)
         return parametric_cell(affine, offline.interface, designs, unseen, apply, coarse)
 
 
 @contextlib.contextmanager
-def _mapped(offline: Offline) -> Iterator[Callable[..., Iterable[Any]]]:
-    """A map over so many processes as were asked for."""
-    if offline.workers < 2:
-        yield map
-        return
-    with LocalWorkers(offline.workers, 1) as workers:
-        yield workers.map
+def _mapped(offline: Offline, log: Log, part: str) -> Iterator[Callable[..., Iterable[Any]]]:
+    """A map over so many processes as were asked for, which logs every part that is done."""
+    with LocalWorkers(offline.workers, 1) if offline.workers > 1 else contextlib.nullcontext() as workers:
+
+        def apply(work: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
+            for number, done in enumerate((workers.map if workers else map)(work, tasks), start=1):
+                log.info(f"{part} {number} of {len(tasks)} done")
+                yield done
+
+        yield apply
 
 
 HALVED = re.compile(r"cell\.blocks\.\d+\.(stiffness|mass)").fullmatch  # symmetric: single precision holds them

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info
 
 from geometry.tiling import Panel
 from pipeline.case.model import Case, load_case
@@ -25,7 +26,7 @@ from pipeline.explore import answer
 from pipeline.explore import server as served_module
 from pipeline.explore.answer import BATCH, PLATES, Bar, Candidate, Explorer, apart, compute, read_design
 from pipeline.explore.server import BackgroundExplorer, Server
-from pipeline.logs import WarningLog
+from pipeline.logs import TerminalLog, WarningLog
 from pipeline.models import parametric
 from pipeline.models.cell_cache import SUFFIX
 from pipeline.models.live_column import (
@@ -99,6 +100,24 @@ def test_a_kept_model_is_the_one_made(explorer: Explorer, folder: Path) -> None:
     sizes = (2e-3, 6.3e-3, 2e-3, 4e-3)
     one, other = (bands(model.cell, model.bases, sizes) for model in (explorer.model, again))
     assert (one.frequency_hz == other.frequency_hz).all() and (one.error == other.error).all()
+
+
+@pytest.mark.slow
+def test_the_bases_say_how_far_they_are_and_small_solves_have_one_thread(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Threads of BLAS on thousands of small matrices only wait for each other."""
+    case, threads, gather = load_case(SMALL), list[int](), parametric.band_bases
+
+    def watched(*given: Any) -> Any:
+        threads.extend(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+        return gather(*given)
+
+    monkeypatch.setattr(parametric, "band_bases", watched)
+    parametric._made(case, parametric._for_case(OFFLINE, case), TerminalLog())
+    said = capsys.readouterr().err
+    places = [said.index(f"symmetry class {number} of 5 done") for number in range(1, 6)]
+    assert said.index("takes some minutes") < places[0] and places == sorted(places) and set(threads) == {1}
 
 
 def test_a_damaged_model_counts_as_absent(folder: Path, explorer: Explorer, tmp_path: Path) -> None:
