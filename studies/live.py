@@ -3,7 +3,7 @@
     python -m studies.live [DESIGNS] [CASE]    a number of random designs
     python -m studies.live corners [CASE]      those of the corners of the box
     python -m studies.live plates N [CASE]     live answers next to assembled plates, N designs of the cloud, or of a study
-    python -m studies.live picture [CASE]      docs/pictures/explore.gif: bands and shape while the pillars grow
+    python -m studies.live picture [CASE]      docs/pictures/explore.gif: the page while its pillars grow, in Chromium
 
 Each design is solved once from the bases and once as `antinode bands` would at accuracy 0.001, in one process, one after
 the other. The bar counted is that of the bases and the mesh's together.
@@ -11,18 +11,24 @@ the other. The bar counted is that of the bases and the mesh's together.
 
 from __future__ import annotations
 
+import hashlib
+import io
+import shutil
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from geometry.elements import FloatArray
 from pipeline.case.model import Case, load_case
 from pipeline.case.reading import read_toml
+from pipeline.explore import offline
 from pipeline.explore.answer import BATCH, Document, Explorer, Scene, compute
 from pipeline.logs import TerminalLog, WarningLog
 from pipeline.models.bands import row_cell
@@ -30,12 +36,12 @@ from pipeline.models.parametric import BANDS, CellModel, cell_model, with_sizes
 from pipeline.models.unit_cell import lattice_model
 from pipeline.paths import ROOT, STUDIES
 from pipeline.planning.model_choice import cell_model_choice
-from pipeline.quantity import KHZ
 from solvers.parametric.affine import Sizes, as_sizes
 from solvers.parametric.bands import FLAT
 
 ACCURACY, GOAL = 0.001, 0.003
-FRAMES, PICTURE = 25, ROOT / "docs" / "pictures" / "explore.gif"
+FRAMES, PICTURE = 14, ROOT / "docs" / "pictures" / "explore.gif"
+WIDE, TALL = 1152, 1000  # pixels of its window
 SPARE = 3  # designs of the cloud for each one asked for: some have no target mode
 EVERY = 5  # wavevectors that the plain reduction solves
 DRAW = 7  # seed of the drawn designs
@@ -223,40 +229,48 @@ def summary(every: list[BesidePlate]) -> str:
 
 
 def picture(path: str) -> None:
-    """Write the moving picture of the documentation: the page's own answers at FRAMES heights, there and back."""
-    from matplotlib import pyplot as plt
-    from matplotlib.animation import FuncAnimation, PillowWriter
+    """Write the moving picture of the documentation: the page in Chromium at FRAMES heights, there and back."""
+    from PIL import Image, ImageOps
+    from playwright.sync_api import sync_playwright
 
-    raw = read_toml(Path(path))
     case = load_case(path)
-    explorer = Explorer(Scene(case, raw, ()), cell_model(case, TerminalLog()))
-    heights = np.round(np.linspace(4.5, 8.5, FRAMES), 2)
-    answers = [explorer.answer(explorer.scene.own() | {"height": float(height)}) for height in heights]
-    figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.2), layout="constrained")
-
-    def draw(number: int) -> None:
-        answer = answers[number]
-        bands_khz = np.array(answer["bands"]["frequency_hz"]) / KHZ
-        for one in axes:
-            one.clear()
-        axes[0].plot(bands_khz, color="#0072b2", linewidth=1.2)
-        for gap in answer["bands"]["gaps"]:
-            axes[0].axhspan(gap["lower_hz"] / KHZ, gap["upper_hz"] / KHZ, color="#e69f00", alpha=0.3)
-        axes[0].set(xlim=(0, len(bands_khz) - 1), ylim=(0, 160), xticks=[], ylabel="frequency (kHz)")
-        axes[0].set_title(f"pillars {heights[number]:.2f} mm high: bands", fontsize=10)
-        plate = answer["plate"]
-        axes[1].set(
-            xlim=(0, 45), ylim=(0, 1.05), xlabel="distance from the zone's middle (mm)", ylabel="|u|, largest 1"
-        )
-        if "profile" in plate:
-            axes[1].axvspan(0, plate["half_width_mm"], color="#cfe3f1")
-            axes[1].plot(plate["profile"]["y_mm"], plate["profile"]["level"], color="#8f3f77")
-            level, hz = plate["confinement_db"], plate["frequency_hz"] / KHZ
-            axes[1].set_title(f"target mode {hz:.1f} kHz, {level:.1f} dB", fontsize=10)
-
-    frames = [*range(FRAMES), *range(FRAMES - 2, 0, -1)]
-    FuncAnimation(figure, draw, frames).save(PICTURE, PillowWriter(fps=8), dpi=80)
+    explorer = Explorer(Scene(case, read_toml(Path(path)), ()), cell_model(case, TerminalLog()))
+    heights = [round(float(height), 2) for height in np.linspace(5.0, 8.0, FRAMES)]
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
+        file = Path(folder) / "explorer.html"
+        file.write_text(offline.page(explorer), encoding="utf-8")
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        tab = browser.new_page(viewport={"width": WIDE, "height": TALL}, reduced_motion="reduce")
+        tab.goto(file.as_uri())
+        shots = [Image.open(io.BytesIO(_dragged(tab, height))).convert("RGB") for height in heights]
+        browser.close()
+    size = WIDE, max(shot.height for shot in shots)  # a split mode has more cards
+    shots = [ImageOps.pad(shot, size, color="white", centering=(0.0, 0.0)) for shot in shots]
+    palette = shots[-1].quantize()
+    first, *rest = (shot.quantize(palette=palette, dither=Image.Dither.NONE) for shot in (*shots, *shots[-2:0:-1]))
+    first.save(PICTURE, save_all=True, append_images=rest, duration=125, loop=0, comment=page_hash())
     print(PICTURE)
+
+
+def _dragged(tab: Any, height: float) -> bytes:
+    """A picture of the page once it has answered a height."""
+    answered = "state.shown && !document.body.classList.contains('stale')"
+    while not tab.evaluate(answered):  # the page's policy forbids the browser's own waiting
+        tab.wait_for_timeout(50)
+    tab.evaluate(
+        "(height) => { $('height-range').value = height; $('height-range').dispatchEvent(new Event('input')); }", height
+    )
+    while not tab.evaluate(answered):
+        tab.wait_for_timeout(50)
+    top, bottom = tab.evaluate(
+        "['design', 'bands'].map((id) => $(id).getBoundingClientRect()).flatMap((box) => [box.top, box.bottom])"
+    )[::3]
+    return bytes(tab.screenshot(clip={"x": 0, "y": top - 10, "width": WIDE, "height": bottom - top + 20}))
+
+
+def page_hash() -> str:
+    """Hash of the page's files, which the picture's comment holds."""
+    return hashlib.sha256(b" ".join(path.read_bytes() for path in sorted(offline.PAGE.iterdir()))).hexdigest()
 
 
 if __name__ == "__main__":

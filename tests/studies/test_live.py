@@ -6,8 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from studies.live import BesidePlate, drawn, summary
+from studies.live import FRAMES, PICTURE, BesidePlate, drawn, page_hash, summary
 
 LIVE = {
     "frequency_hz": 40e3,
@@ -50,3 +51,11 @@ def test_designs_are_drawn_from_all_of_the_cloud() -> None:
     assert len(every) == 120 and len(np.unique(every)) == 16
     swept = list(drawn(explorer, 40, {"array.rows": [1, 2], "array.pitch_mm": [5]}))  # type: ignore[arg-type]
     assert swept == [{"rows": 1.0, "pitch": 5.0}, {"rows": 2.0, "pitch": 5.0}]
+
+
+def test_the_moving_picture_is_of_the_present_page() -> None:
+    """Its comment holds the hash of the page's files; `python -m studies.live picture` makes it again."""
+    with Image.open(PICTURE) as picture:
+        assert picture.info["comment"].decode() == page_hash(), "python -m studies.live picture"
+        assert picture.n_frames >= FRAMES
+    assert PICTURE.stat().st_size < 2_000_000

@@ -312,7 +312,7 @@ function corrected(parts, basis, count) { // less what the inner functions left 
 }
 function bandsOf(data, ready, sizes) {
   const parts = ready.map((one, number) => classAt(one, sizes, data.blocks[number].whole, data.bands_inner, false)), points = data.fractions.length;
-  parts.forEach((part, number) => { const { out, whole } = data.blocks[number].lines, n = part.width; Object.assign(part, { pillar: pillarForm(data, ready[number], part, sizes), lines: { out: { n, a: out }, whole: { n, a: whole } } }); });
+  parts.forEach((part, number) => { const { out, whole } = data.blocks[number].lines, n = part.width; Object.assign(part, { pillar: pillarForm(data, ready[number], part, sizes), lines: { out: { n, m: n, a: out }, whole: { n, m: n, a: whole } } }); });
   const { flat, safety, smallest } = data.constants, found = [], better = [];
   data.sectors.forEach((sector, number) => sector.points.forEach((point, at) => found.push([point, wavesOf(data, parts, sector, at, number)])));
   for (const sector of data.rich) {
