@@ -41,27 +41,19 @@ SHOWN_DPI, HEIGHT_IN, ABOVE = 80, 3.4, 1.5  # of a picture, and the frequencies 
 
 @dataclass(frozen=True)
 class Gap:
-    """A published gap above a band of the primitive cell: its edges, or only its width, in Hz, and half of its last digit."""
+    """A published gap above a band of the primitive cell: its edges in Hz, and half of their last digit."""
 
     below: int
     digit_hz: float
-    paper_hz: tuple[float, float] | None = None
-    width_hz: float | None = None
+    paper_hz: tuple[float, float]
 
     @property
     def published(self) -> dict[str, float]:
         """Published figures by name."""
-        if self.paper_hz is None:
-            assert self.width_hz is not None
-            return {f"width of the gap above band {self.below}": self.width_hz}
         return {
             f"{side} edge above band {self.below}": hz
             for side, hz in zip(("lower", "upper"), self.paper_hz, strict=True)
         }
-
-    def figures(self, edges: Sequence[float]) -> list[float]:
-        """What is compared, of a gap's two edges."""
-        return [edges[1] - edges[0]] if self.paper_hz is None else [*edges]
 
 
 @dataclass(frozen=True)
@@ -100,7 +92,8 @@ class Paper:
         nu = plane.get("poisson", solid.poisson)
         stiff = solid.young_pa * design.thickness_m**3 / 12.0 / (1.0 - nu**2)
         a1, a2 = ((MM * x, MM * y) for x, y in plane["vectors_mm"])
-        own = [replace(design.attached[0], at_m=(MM * x, MM * y)) for x, y in plane["at_mm"]]
+        disc = replace(design.attached[0], radius_m=plane.get("radius_m", design.attached[0].radius_m))
+        own = [replace(disc, at_m=(MM * x, MM * y)) for x, y in plane["at_mm"]]
         return LoadedPlate(Lattice(a1, a2), stiff, design.material.density_kg_m3 * design.thickness_m, own)
 
 
@@ -141,21 +134,18 @@ def computed(paper: Paper, log: TerminalLog) -> tuple[BandsResult, list[dict[str
     other = ask(paper.load(*paper.settings), Bands(), Run(log, detailed=False)) if paper.settings else None
     for gap in paper.gaps:
         edges = edges_of(paper, result, gap.below)
-        ours = gap.figures([hz for hz, _ in edges])
-        bars = [hz * error for hz, error in edges]
-        bars = [sum(bars)] if gap.paper_hz is None else bars
-        second = gap.figures([hz for hz, _ in edges_of(paper, other, gap.below)]) if other else plane_waves(paper, gap)
-        theirs = plane_waves(paper, gap, theirs=True) if paper.theirs else [None for _ in ours]
-        for name, hz, bar, other_hz, their_hz in zip(gap.published, ours, bars, second, theirs, strict=True):
-            rows.append(dict(zip(FIELDS, (paper.case, name, hz, bar / hz, other_hz, their_hz), strict=True)))
+        second = [hz for hz, _ in edges_of(paper, other, gap.below)] if other else plane_waves(paper, gap)
+        theirs = plane_waves(paper, gap, theirs=True) if paper.theirs else [None for _ in edges]
+        for name, (hz, error), other_hz, their_hz in zip(gap.published, edges, second, theirs, strict=True):
+            rows.append(dict(zip(FIELDS, (paper.case, name, hz, error, other_hz, their_hz), strict=True)))
     return result, rows
 
 
 def plane_waves(paper: Paper, gap: Gap, theirs: bool = False) -> list[float]:
     """A gap's figures by plane waves of the case, or of what the paper's own computation had."""
     own = dict(paper.theirs) if theirs else {}
-    asked = {name: own.pop(name) for name in ("reach", "corners_per_m") if name in own}
-    return gap.figures(paper.plate(**own).gap(gap.below, **asked))
+    asked = {name: own.pop(name) for name in ("reach", "points", "corners_per_m") if name in own}
+    return [*paper.plate(**own).gap(gap.below, **asked)]
 
 
 def stored() -> list[dict[str, Any]]:
@@ -211,7 +201,7 @@ def draw(paper: Paper, result: BandsResult) -> None:
     with style.style(), written_whole(PICTURES / f"{paper.case}.png") as temporary:
         figure, axes = style.panels(HEIGHT_IN)
         result.draw_bands(axes)
-        edges = [hz for gap in paper.gaps for hz in gap.paper_hz or ()]
+        edges = [hz for gap in paper.gaps for hz in gap.paper_hz]
         ours = [hz for gap in paper.gaps for hz, _ in edges_of(paper, result, gap.below)]
         for hz in edges:
             axes.axhline(1e-3 * hz, color=style.VERMILION, lw=0.9, ls="--")

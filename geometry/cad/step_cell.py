@@ -81,15 +81,15 @@ class CellBody(Body):
         return float(np.mean(surface.encloses(middle + AROUND * surface.diagonal * circle)))
 
 
-def step_cell(path: str | os.PathLike[str], size_m: tuple[float, float], thickness_m: float) -> CellBody:
+def step_cell(path: str | os.PathLike[str], size_m: tuple[float | None, float], thickness_m: float) -> CellBody:
     """Read the solids of a unit cell from a STEP file, whatever length unit it declares.
 
     Parameters
     ----------
     path : str or Path
         STEP file, the touch face on z = 0.
-    size_m : tuple of float
-        Pitches along x and y, m.
+    size_m : tuple of float or None
+        Size along x, None for an oblique cell, which may lean either way, and along y, m.
     thickness_m : float
         Thickness of the plate, m.
 
@@ -112,7 +112,8 @@ def step_cell(path: str | os.PathLike[str], size_m: tuple[float, float], thickne
             raise GeometryError(f"{file}: a solid is not valid (open, self-intersecting or badly stitched faces)")
     shape = share_faces([solid for _, solid in named]) if len(named) > 1 else named[0][1]
     box = shape.BoundingBox(1e-9)
-    _check_size(file, np.array([box.xlen, box.ylen]), MM * np.array(size_m))
+    sizes = [(own, MM * size) for own, size in zip((box.xlen, box.ylen), size_m, strict=True) if size]
+    _check_size(file, *np.array(sizes).T)
     move = cq.Location(cq.Vector(-(box.xmin + box.xmax) / 2.0, -(box.ymin + box.ymax) / 2.0, 0.0))
     names = tuple(_name_of(solid, named) for solid in shape.Solids())
     regions = tuple(dict.fromkeys(names))

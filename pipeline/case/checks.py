@@ -466,7 +466,7 @@ def check_patch_keys(file: Tables, form: PillarShape | None) -> Iterator[Diagnos
 
 
 def check_cell(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Check that a cell from a file has a plate and a rectangular lattice, and no other pillar."""
+    """Check that a cell has a plate and a lattice, and one from a file no other pillar."""
     own = file.cell.file
     if "cell" in file.present and "plate" not in file.present:
         yield "plate.thickness_mm", None, "must be given with [cell]"
@@ -476,10 +476,6 @@ def check_cell(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
         return
     if "pillar" in file.present:
         yield "cell.file", own, "cannot be combined with [pillar]: the file holds the whole cell"
-    lattice = file.array.lattice
-    if file.array.stagger or lattice not in (None, "square", "rectangular"):
-        key, value = ("array.lattice", lattice) if lattice else ("array.stagger", True)
-        yield key, value, "must be square or rectangular with cell.file: give the rectangular supercell"
 
 
 def check_measured(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:

@@ -11,7 +11,7 @@ from pipeline.case.reading import nearest
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.parts import warn_of_locking
-from solvers.plates.own_cell import Body, OwnReductions, body_of
+from solvers.plates.own_cell import Body, OwnReductions, body_of, oblique_rows
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import ReductionSettings
 from solvers.superelement.lattice import ReducedLattice
@@ -43,11 +43,13 @@ def step_body(case: Case, edge_m: float, log: Log) -> Body:
     from geometry.tet.scenes import tet_step_cell
 
     design, file = case.design, case.design.cell_file
+    pitches = design.pitch_x_m, design.pitch_y_m
     assert file
     where = f"{case.source or case.name}: cell.file = {Path(file).name!r}"
     try:
+        rows = oblique_rows(design)
         with log.step("read the cell"):
-            solid = step_cell(file, (design.pitch_x_m, design.pitch_y_m), design.thickness_m)
+            solid = step_cell(file, (None, rows[1][1]) if rows else pitches, design.thickness_m)
         given = {name.casefold(): material for name, material in case.group_materials}
         _check_names(case, solid.regions)
         with log.step("mesh the cell with tetrahedra"):

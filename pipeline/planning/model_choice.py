@@ -341,7 +341,7 @@ def _is_in_one_cell(case: Case) -> bool:
     design, pillar = case.design, case.design.pillar
     if not design.stagger or case.solve.model == SOLID:
         return False
-    if design.attached:
+    if design.attached or design.cell_file:
         return True
     return bool(pillar and _is_too_wide(design) and fits(shortest_vectors(*design.lattice.vectors_m), pillar))
 
@@ -378,10 +378,10 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
     check_model(case, _hexahedra(case, "cell"))
     design, accuracy = case.design, case.solve.accuracy
     no_cad = simplifications.hexahedra(case, "cell")
-    if design.stagger and not no_cad:
+    if design.stagger and not no_cad and not design.cell_file:
         what = "needs pillars that hexahedra can follow, with room around their feet, and solve.mesh auto or hex"
         raise InputError(f"{case.source or case.name}: {_shifted(case)}: {what}")
-    if design.oblique_m and (not no_cad or case.solve.model == SOLID):
+    if design.oblique_m and not design.cell_file and (not no_cad or case.solve.model == SOLID):
         what = "a cell along two vectors of the lattice needs a pillar that hexahedra can follow, within its sides,"
         what += " solve.mesh auto or hex, and solve.model auto or superelement; --mesh-file takes any cell"
         raise InputError(f"{case.source or case.name}: array.a2_mm: {what}")

@@ -8,7 +8,7 @@ import numpy as np
 
 from geometry import errors
 from geometry.elements import FloatArray, IntArray
-from geometry.lattice import FURTHEST, row_vectors
+from geometry.lattice import FURTHEST, Vectors, row_vectors
 from geometry.layout import Design
 from geometry.materials import Material
 from geometry.mesh import AnyMesh, Mesh
@@ -116,17 +116,41 @@ def _in_plan(mesh: Mesh, map_: FloatArray) -> Mesh:
     return replace(mesh, nodes=np.column_stack([mesh.nodes[:, :2] @ map_, mesh.nodes[:, 2]]), spans=None)
 
 
-def _oblique_edges(design: Design, mesh: Mesh) -> FloatArray | None:
-    """Vectors along the sides of a cell whose rows lie along x: that from row to row leans as the mesh does; None for a
-    rectangle.
+def oblique_rows(design: Design) -> Vectors | None:
+    """Find the vectors along a row and to the next row of a lattice that is not rectangular.
 
-    Raises MeshError for a lattice without rows along x, and for a mesh that leans otherwise.
+    Parameters
+    ----------
+    design : Design
+        With the lattice.
+
+    Returns
+    -------
+    tuple or None
+        (pitch, 0) and (shift, distance) in m; None for a rectangular lattice.
+
+    Raises
+    ------
+    MeshError
+        For a lattice without rows along x.
     """
     if design.lattice.a1_m[1] == 0.0 and design.lattice.a2_m[0] == 0.0:
         return None
     rows = row_vectors(*design.lattice.vectors_m)
     if rows is None:
         raise errors.MeshError("the lattice must have rows along x: turn the cell and its vectors")
+    return rows
+
+
+def _oblique_edges(design: Design, mesh: Mesh) -> FloatArray | None:
+    """Vectors along the sides of a cell whose rows lie along x: that from row to row leans as the mesh does; None for a
+    rectangle.
+
+    Raises MeshError for a lattice without rows along x, and for a mesh that leans otherwise.
+    """
+    rows = oblique_rows(design)
+    if rows is None:
+        return None
     ((pitch, _), (shift, height)), low = rows, mesh.nodes[:, 1].min()
     ends = [mesh.nodes[np.abs(mesh.nodes[:, 1] - low - up) < FLUSH * height, 0] for up in (0.0, height)]
     if not all(map(len, ends)):

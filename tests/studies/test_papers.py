@@ -68,14 +68,13 @@ def test_ours_meets_the_second_computation(paper: Paper, gap: Any, name: str, hz
     if not paper.plane:
         assert abs(row["ours_hz"] - row["second_hz"]) <= own
         return
-    edges = [row["second_hz"]] if gap.paper_hz else paper.plate().gap(gap.below, 4, 3)
-    theory = sum(edge * (missed(paper, edge) + SAMPLED) for edge in edges)
+    theory = row["second_hz"] * (missed(paper, row["second_hz"]) + SAMPLED)
     assert abs(row["ours_hz"] - row["second_hz"]) <= own + theory
     assert theory < 0.03 * row["second_hz"]
 
 
 def test_plane_waves_give_the_stored_figures() -> None:
-    for paper in (EVERY["rectangular"], EVERY["honeycomb"], EVERY["square-aluminium"]):
+    for paper in (EVERY["rectangular"], EVERY["honeycomb"], EVERY["square-carbon"]):
         for gap in paper.gaps:
             for name, hz in zip(gap.published, papers.plane_waves(paper, gap, theirs=True), strict=True):
                 assert hz == pytest.approx(STORED[paper.case, name]["theirs_hz"])

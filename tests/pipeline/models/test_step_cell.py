@@ -106,6 +106,47 @@ def test_the_reference_cell_as_a_solid_has_its_bands_and_decay_within_both_bars(
     assert any(point.db_per_row for point in step.points)
 
 
+def leaning(a2_mm: tuple[float, float], folder: Path) -> str:
+    """A STEP file of the cell along (4, 0) and a2 with the pillar in its middle."""
+    import cadquery as cq
+
+    place, (x, y) = folder / "leaning.step", a2_mm
+    plate = cq.Workplane().polyline([(0.0, 0.0), (4.0, 0.0), (4.0 + x, y), (x, y)]).close().extrude(1.0)
+    side, height = PILLAR.values()
+    corner = (4.0 + x - side) / 2.0, (y - side) / 2.0
+    cq.exporters.export(plate.union(box(*corner, side, side, 1.0, 1.0 + height)), str(place))
+    return str(place)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("array", "a2_mm", "path"),
+    [
+        ({"pitch_mm": 4.0, "lattice": "triangular"}, (2.0, 2.0 * 3.0**0.5), "GM"),
+        ({"a1_mm": [4.0, 0.0], "a2_mm": [1.3, 4.2]}, (-2.7, 4.2), "GXC"),
+    ],
+)
+def test_an_oblique_cell_of_a_file_has_the_bands_and_decay_of_its_pillars(
+    array: dict[str, Any], a2_mm: tuple[float, float], path: str, tmp_path: Path
+) -> None:
+    """A cell may lean either way: the second one does not lean as its vector does."""
+    more: dict[str, Any] = {"array": array, "bands": {"path": path, "points": 2, "count": 6}}
+    step, own = case(cell={"file": leaning(a2_mm, tmp_path)}, **more), case(pillar=PILLAR, **more)
+    for one, two in zip(ask(own, Bands(), Run(LOG)).points, ask(step, Bands(), Run(LOG)).points, strict=True):
+        for hz, bar, other, its in zip(one.frequencies_hz, one.error, two.frequencies_hz, two.error, strict=True):
+            assert bar is not None and its is not None and its < 0.01
+            assert hz < 1.0 or abs(other / hz - 1.0) <= bar + its
+        assert (one.kx_per_m, one.ky_per_m) == pytest.approx((two.kx_per_m, two.ky_per_m), abs=1e-6)
+    decays = [
+        ask(each, Attenuation(band_kHz=(112.0, 200.0), points=4, kx_per_m=200.0), Run(LOG)).points
+        for each in (own, step)
+    ]
+    for one, two in zip(*decays, strict=True):
+        assert one.db_per_row is not None and two.db_per_row is not None
+        assert one.db_error is not None and two.db_error is not None
+        assert abs(one.db_per_row - two.db_per_row) <= one.db_error + two.db_error + 1e-9
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["hole", "two pillars"])
 def test_cells_have_the_bands_of_an_independent_finite_element_cell(kind: str, tmp_path: Path) -> None:
@@ -168,7 +209,6 @@ def test_what_a_cell_from_a_file_cannot_have_is_refused(tmp_path: Path) -> None:
     own: dict[str, Any] = {"cell": {"file": file}}
     for more, words in (
         ({"pillar": PILLAR}, r"cell.file = .*: cannot be combined with \[pillar\]"),
-        ({"array": {"pitch_mm": 4.0, "lattice": "triangular"}}, r"array.lattice = .triangular.: must be square or"),
         ({"cell": {"file": "none.step"}}, r"cell.file = .none.step.: no such file"),
         ({"cell": {"files": file}}, "cell.files"),
     ):
@@ -182,6 +222,9 @@ def test_what_a_cell_from_a_file_cannot_have_is_refused(tmp_path: Path) -> None:
         ask(case(**own, solve={"model": "solid"}), Bands(), Run(LOG))
     with pytest.raises(InputError, match=r"\[materials\] CORE: no such body of cell.file; it has"):
         ask(case(**own, materials={"CORE": "steel"}), Bands(), Run(LOG))
+    shifted = case(**own, array={"a1_mm": [4.0, 0.0], "a2_mm": [1.0, 4.0]}, solve={"accuracy": 0.1})
+    with pytest.raises(InputError, match=r"its upper side lies 0 mm further .* rows of the lattice are shifted by 1, "):
+        ask(shifted, Bands(), Run(LOG))
     thick = case(**own, plate={"thickness_mm": 1.25}, solve={"accuracy": 0.1})
     with pytest.raises(
         InputError, match=r"cell.file = 'hole.step': side x- ends at z = 1 mm: must be a face of the plate"
