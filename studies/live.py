@@ -41,7 +41,7 @@ from solvers.parametric.bands import FLAT
 
 ACCURACY, GOAL = 0.001, 0.003
 FRAMES, PICTURE = 14, ROOT / "docs" / "pictures" / "explore.gif"
-WIDE, TALL = 1152, 1000  # pixels of its window
+WIDE, TALL, COLOURS = 1152, 1000, 96  # pixels of its window, and colours
 SPARE = 3  # designs of the cloud for each one asked for: some have no target mode
 EVERY = 5  # wavevectors that the plain reduction solves
 DRAW = 7  # seed of the drawn designs
@@ -246,7 +246,7 @@ def picture(path: str) -> None:
         browser.close()
     size = WIDE, max(shot.height for shot in shots)  # a split mode has more cards
     shots = [ImageOps.pad(shot, size, color="white", centering=(0.0, 0.0)) for shot in shots]
-    palette = shots[-1].quantize()
+    palette = shots[-1].quantize(COLOURS)
     first, *rest = (shot.quantize(palette=palette, dither=Image.Dither.NONE) for shot in (*shots, *shots[-2:0:-1]))
     first.save(PICTURE, save_all=True, append_images=rest, duration=125, loop=0, comment=page_hash())
     print(PICTURE)

@@ -264,7 +264,7 @@ def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellMode
     """The model of a case's materials: taken from the cache, or made now. InputError for a cell that it cannot follow."""
     offline = _for_case(offline or Offline(), case)
     cache = CellModelCache()
-    with cache.alone():  # cases of a study that need the same model wait for the one that makes it
+    with cache.alone(log):  # cases of a study that need the same model wait for the one that makes it
         kept = kept_model(case, offline)
         if kept is not None:
             log.info("parametric cell taken from the cache")
@@ -375,15 +375,19 @@ class CellModelCache(ArrayCache):
         super().__init__(folder, max_bytes)
 
     @contextlib.contextmanager
-    def alone(self) -> Iterator[None]:
-        """One process at a time makes a model; none waits where the folder cannot be written."""
+    def alone(self, log: Log) -> Iterator[None]:
+        """One process at a time makes a model, the others say that they wait; none does where the folder cannot be written."""
         import fcntl
 
         with contextlib.ExitStack() as resources:
             with contextlib.suppress(OSError):
                 self.folder.mkdir(parents=True, exist_ok=True)
                 file = resources.enter_context((self.folder / ".making").open("w"))
-                fcntl.flock(file, fcntl.LOCK_EX)  # the kernel frees it when the process ends
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the kernel frees it when the process ends
+                except BlockingIOError:
+                    log.info("another process computes the bases of an explorer: waiting for it")
+                    fcntl.flock(file, fcntl.LOCK_EX)
             yield
 
     def get_model(self, key: str) -> CellModel | None:

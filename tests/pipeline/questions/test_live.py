@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import multiprocessing
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ import pytest
 
 from pipeline.case.model import load_case
 from pipeline.explore.answer import Explorer
+from pipeline.logs import TerminalLog, WarningLog
 from pipeline.models import parametric
 from pipeline.models.parametric import CellModelCache
 from pipeline.questions.live import Live, LiveResult
@@ -98,15 +101,33 @@ def test_live_answers_are_drawn_without_plates_and_beside_them(tmp_path: Path) -
 
 
 def _waits(folder: Path, order: Any) -> None:
-    with CellModelCache(folder).alone():
+    with CellModelCache(folder).alone(TerminalLog()):
         order.put("second")
+
+
+def test_a_process_that_waits_for_the_bases_of_another_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cache = CellModelCache(tmp_path)
+    with (tmp_path / ".making").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        free = threading.Timer(0.2, fcntl.flock, (file, fcntl.LOCK_UN))
+        free.start()
+        begin = time.perf_counter()
+        with cache.alone(TerminalLog()):
+            assert time.perf_counter() - begin >= 0.1
+        free.join()
+    assert "waiting for it" in capsys.readouterr().err
+    with cache.alone(TerminalLog()):
+        pass
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.slow
 def test_one_process_at_a_time_makes_a_model(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     order = context.Queue()
-    with CellModelCache(tmp_path).alone():
+    with CellModelCache(tmp_path).alone(WarningLog()):
         other = context.Process(target=_waits, args=(tmp_path, order))
         other.start()
         time.sleep(2.0)
