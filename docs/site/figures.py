@@ -124,7 +124,12 @@ def decay_band(figure: Any) -> None:
     axes.axhline(CONFINED_DB, color=style.GREY, lw=0.8, ls="--")
     low, high = np.array(band_of_rows(decay, target.frequency_hz)) / 1e3
     axes.axvspan(
-        low, high, color=style.GREEN, alpha=0.2, lw=0, label=f"{CONFINED_DB:g} dB or more: {low:.1f} to {high:.1f} kHz"
+        low,
+        high,
+        color=style.GREEN,
+        alpha=0.2,
+        lw=0,
+        label=f"{decay.rows} rows take at least {CONFINED_DB:g} dB: {low:.1f} to {high:.1f} kHz",
     )
     mode = f"target mode: {target.frequency_hz / 1e3:.1f} kHz"
     axes.axvline(target.frequency_hz / 1e3, color=style.VERMILION, label=mode)

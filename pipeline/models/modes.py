@@ -56,7 +56,7 @@ from pipeline.planning.refinement import (
 )
 from pipeline.planning.resources import ResourceEstimate
 from pipeline.planning.simplifications import khz
-from pipeline.quantity import frequency, percent, several
+from pipeline.quantity import frequency, interval, percent, several
 from pipeline.quantity import level as level_text
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
@@ -498,10 +498,12 @@ def _warn_of_nothing(part_modes: PartModes, query: Request, log: Log) -> None:
     """Warn if the band holds no mode, and report the nearest one."""
     if part_modes.rows or query.band_hz is None:
         return
-    low, high = query.band_hz
     of_class = f" of class {query.symmetry}" if query.symmetry else ""
     nearest = "" if part_modes.nearest_hz is None else f"; the nearest lies at about {frequency(part_modes.nearest_hz)}"
-    log.warning("NO_MODES", f"no mode{of_class} of the {query.part} lies between {low:g} and {high:g} Hz{nearest}")
+    log.warning(
+        "NO_MODES",
+        f"no mode{of_class} of the {query.part} lies between {interval(*query.band_hz, 0.0, 0.0, to=' and ')}{nearest}",
+    )
 
 
 def _within_reach(case: Case, query: Request, choice: ModelChoice, log: Log) -> tuple[PartModes, ModelChoice]:

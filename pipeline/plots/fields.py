@@ -136,7 +136,7 @@ def level_text(case: StoredCase) -> str:
     record = case.record
     if record.confinement_db is None:
         return "confinement is undefined (no passive face)"
-    driven = "" if record.driven_db is None else f", {level(record.driven_db)} as driven"
+    driven = "" if record.driven_db is None else f", {level(record.driven_db, record.driven_error_db)} as driven"
     own = level(record.confinement_db, record.target.confinement_error_db if record.target else None)
     return f"{record.verdict}: {own}{driven} (confined from {CONFINED_DB:g} dB upwards)"
 

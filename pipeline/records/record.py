@@ -410,6 +410,12 @@ class Record(Checked):
         """Driven confinement at the target mode's peak, dB; None without a response or without that peak."""
         return self.response.target_peak.confinement_db if self.response and self.response.target_peak else None
 
+    @property
+    def driven_error_db(self) -> float | None:
+        """Error bar of driven_db (half-width); None without an estimate."""
+        peak = self.response.target_peak if self.response else None
+        return peak.confinement_error_db if peak else None
+
     def error_at(self, frequency_hz: float) -> float | None:
         """Return the relative error bar of the plate's mode at a stored frequency; None if unknown."""
         known = [(mode.frequency_hz, mode.error) for mode in self.modes.modes] if self.modes else []

@@ -210,7 +210,8 @@ def _confinement_card(study: StoredStudy, best: StoredCase) -> Card | None:
         return None
     driven, level = "", bar(record.confinement_db, record.target.confinement_error_db if record.target else None, "dB")
     if record.driven_db is not None:
-        driven, level = f"; driven at its own peak, {level} as a mode", db(record.driven_db)
+        driven = f"; driven at its own peak, {level} as a mode"
+        level = bar(record.driven_db, record.driven_error_db, "dB")
     count = sum(case.record.confined is not None for case in plates(study))
     where = f", best of {count} plates" if count > 1 else ""
     note = verdict(record) + driven + where + _source(study, best)
@@ -324,9 +325,8 @@ def headline(study: StoredStudy) -> str:
     target, ranked = best.record.target, record.confinement_db if record.ranked_db is None else record.ranked_db
     assert ranked is not None
     ratio = 10.0 ** (ranked / 20.0)
-    error = (
-        None if peak or target.confinement_error_db is None else ratio * log(10.0) / 20.0 * target.confinement_error_db
-    )
+    ranked_error = record.driven_error_db if peak else target.confinement_error_db
+    error = None if ranked_error is None else ratio * log(10.0) / 20.0 * ranked_error
     design = record.design
     tone = khz(peak.frequency_hz, peak.frequency_error) if peak else khz(target.frequency_hz, target.frequency_error)
     rows, gaps = (design.rows, design.row_gaps_m) if design else (0, [])
@@ -337,7 +337,7 @@ def headline(study: StoredStudy) -> str:
     )
     first = "Best of this study: " if len(plates(study)) > 1 else ""
     as_mode = db(record.confinement_db, target.confinement_error_db)
-    both = f"{db(ranked)} as driven, {as_mode} as a mode" if peak else as_mode
+    both = f"{db(ranked, ranked_error)} as driven, {as_mode} as a mode" if peak else as_mode
     level = f"{both}; {CONFINED_DB:g}{WIDE}dB counts as confined"
     times = f"{quantity.figure(ratio, error)} times as much as the rest of the plate"
     return f"{first}{what}. At {tone} the active zone moves {times} ({level})."

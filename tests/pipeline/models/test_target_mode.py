@@ -132,7 +132,7 @@ def test_an_empty_answer_says_where_modes_are(capsys: pytest.CaptureFixture[str]
     assert main(["modes", str(SMALL), "--band", "30Hz:34Hz", "--quiet", "--symmetry", "SS"]) == 0
     said = capsys.readouterr().err
     lowest = plate_modes(None, 0.0, 3).rows[0].frequency_hz
-    assert "warning NO_MODES" in said
+    assert "warning NO_MODES: no mode of class SS of the plate lies between 30 and 34 Hz" in said
     text = float(said.split("nearest lies at about ")[1].split(" kHz")[0])
     assert 1e3 * text == pytest.approx(lowest, rel=0.05)
 
