@@ -10,4 +10,4 @@ plate = antinode.Plate(
 )
 loops = plate.active_beam(frequency_kHz=(3.0,), gain_N_per_m=(1e7, 1e8))
 print(f"first resonance of the strip: {loops.beam['natural_hz'][0]:.1f} Hz")
-loops.as_figure().savefig("velocity-feedback.png")
+loops.plot().figure.savefig("velocity-feedback.png")

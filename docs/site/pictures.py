@@ -200,20 +200,20 @@ def sections() -> list[list[Example]]:
 
 
 def _grid(group: Sequence[Example]) -> Iterator[str]:
-    """A table of thumbnails, three in a row; its first row is the heading that Markdown wants."""
+    """A table of thumbnails, three in a row; its first row is the heading that Markdown wants, so all rows are as bold."""
     for start in range(0, len(group), 3):
         row = group[start : start + 3]
         cells = [_tile(each) for each in row] + [""] * (3 - len(row))
         yield f"| {' | '.join(cells)} |"
         if start == 0:
-            yield "|---|---|---|"
+            yield "|:---|:---|:---|"
 
 
 def _tile(example: Example) -> str:
     link = f"(#{anchor(example.heading)})"
     if not (THUMBNAILS / f"{example.name}.png").exists():
         return f"[{example.heading}]{link}"
-    return f"[![{example.title}](pictures/gallery/{example.name}.png)]{link}<br>{example.heading}"
+    return f"[![{example.title}](pictures/gallery/{example.name}.png)]{link}<br>**{example.heading}**"
 
 
 def anchor(heading: str) -> str:

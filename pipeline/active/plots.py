@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from solvers.thesis.scattering import PillarFilter, PointForce
     from solvers.thesis.shaping_study import ShapingStudy
 
+SMALL = 8.5  # points: letters of legends between many lines
 JOINTS = {0: "free end", 1: "at the filter", 2: "between the filters"}
 POINTS = {
     "spring": "spring 4EIβ³",
@@ -74,7 +75,7 @@ def _point_force(point: PointForce) -> ReportFigure:
     style.mark(axes, 0.0)
     title = "Unit wave from the left at a point scatterer"
     axes.set(xlabel="x / wavelength", ylabel="|w| / incident", title=title, ylim=(0, 3.4))
-    axes.legend(fontsize=7, loc="upper left", ncols=2)
+    axes.legend(fontsize=SMALL, loc="upper left", ncols=2)
     alt = (
         f"Amplitude along a beam with a point scatterer: a spring 4 EI beta^3 transmits {percentage(transmitted['spring'])} of "
         f"the power, a pinned point {percentage(transmitted['pinned'])}, the damper "
@@ -99,13 +100,13 @@ def _rows(row: PillarFilter, cell: dict[str, Any] | None) -> ReportFigure:
     for tone, dashes, name in marks:
         power.axvline(tone, color=style.GREY, lw=0.9, ls=dashes, label=name)
         decay.axvline(tone, color=style.GREY, lw=0.9, ls=dashes)
-    power.legend(fontsize=7, ncols=2)
+    power.legend(fontsize=SMALL, ncols=2)
     decay.plot(f, row.decay_db, color=style.BLUE, label="infinite array on a strip")
     if cell:
         levels, tones = np.array(cell["db_per_row"], dtype=float), np.array(cell["frequencies_hz"]) / KHZ
         decay.plot(tones, levels, "o", ms=3, color=style.VERMILION, label="computed plate cell")
     decay.set(ylabel="decay (dB per row)", xlabel="frequency (kHz)")
-    decay.legend(fontsize=7)
+    decay.legend(fontsize=SMALL)
     alt = (
         f"Power through rows of pillars over frequency: one pillar's moment stops it at {frequency(row.stopped_hz)}, its "
         f"clamped resonance is at {frequency(row.clamped_hz)}; an oscillator of its mass and resonance would stop it at "
@@ -140,7 +141,7 @@ def _shapes(study: ActiveBeamStudy) -> ReportFigure:
             axes.axvline(place / MM, color=style.ORANGE, lw=0.8)
         top = 1.5 * max(line.max() for line in (opened, *moved.values()))
         axes.set(title=f"{title}, {tone / KHZ:g} kHz", xlabel="x (mm)", ylabel="|w| (µm)", ylim=(0, top))
-        axes.legend(fontsize=6.5, loc="upper center")
+        axes.legend(fontsize=SMALL, loc="upper center")
     verdict = study.case("point", first, strong)
     alt = (
         f"Amplitude along a free-free strip under {data.force_n:g} N in its middle without and with velocity feedback at the "
@@ -168,7 +169,7 @@ def _sensitivity(study: ActiveBeamStudy) -> ReportFigure:
     gain.axvline(stiffness, color=style.GREY, lw=0.8, ls=":", label="4EIβ³")
     gain.set(xlabel="gain K' (N/m)", ylabel="rms inside / outside", title=f"Gain, {data.frequencies_hz[0] / KHZ:g} kHz")
     gain.set_ylim(top=4.0 * gain.get_ylim()[1])
-    gain.legend(fontsize=6.5, loc="upper left")
+    gain.legend(fontsize=SMALL, loc="upper left")
     for i, (name, ratios) in enumerate(study.place_sweep.items()):
         kind, tone = divmod(i, len(data.frequencies_hz))
         look = {"color": style.CYCLE[kind % len(style.CYCLE)], "ls": style.DASHES[tone % len(style.DASHES)]}
@@ -177,7 +178,7 @@ def _sensitivity(study: ActiveBeamStudy) -> ReportFigure:
     title = f"Place, K' = {data.gains_n_m[-1]:g} N/m"
     place.set(xlabel="middle of the loops from an end (mm)", title=title)
     place.set_ylim(top=8.0 * place.get_ylim()[1])
-    place.legend(fontsize=6.0, loc="upper left", ncols=2)
+    place.legend(fontsize=SMALL, loc="upper left", ncols=2)
     best = ", ".join(
         f"{name} {figure_text(places_mm[values.argmax()])} mm" for name, values in study.place_sweep.items()
     )
@@ -204,11 +205,11 @@ def step(study: DqStudy) -> ReportFigure:
     for one, look in zip(study.windups, style.LOOKS, strict=False):
         large.plot(one.trace.time_s / MS, np.abs(one.trace.measured) / one.reference, label=one.name, **look)
     share = study.windups[0].reference / (abs(study.identified.plant.gain) * study.data.drive_limit)
-    title = f"Step to {figure_text(share)} of the amplitude at full drive: the drive saturates"
+    title = f"Saturated step, to {figure_text(share)} of the full amplitude"
     large.set(title=title, xlabel="time after the change of the reference (ms)")
     for axes in (small, large):
         axes.set(ylabel="U / reference", xlim=(0, 10))
-        axes.legend(fontsize=7)
+        axes.legend(fontsize=SMALL)
     reached = study.query.trace.reached_s() / MS
     alt = (
         f"Step response of the closed loop at the firmware's rates: 95 % after {figure_text(reached)} ms, overshoot "
@@ -237,7 +238,7 @@ def circle(study: DqStudy) -> ReportFigure:
     title = f"{frequency(plant.frequency_hz)}, τ = {figure_text(plant.tau_s / MS)} ms"
     phase.set(xlabel="detuning (Hz)", ylabel="angle about the centre (degrees)", title=title)
     for axes in (plane, phase):
-        axes.legend(fontsize=7)
+        axes.legend(fontsize=SMALL)
     alt = (
         f"Response about resonance as a circle of diameter {figure_text(2 * fit.radius)}, and its phase, which gives "
         f"{frequency(plant.frequency_hz)} and a time constant of {figure_text(plant.tau_s / MS)} ms."
@@ -265,7 +266,7 @@ def bode(study: DqStudy) -> ReportFigure:
         phase.semilogx(w / (2 * np.pi), np.unwrap(np.angle(values)) / DEGREE, dashes, color=colour)
     size.axhline(0, color=style.GREY, lw=0.7, ls=":")
     size.set(ylabel="magnitude (dB)", ylim=(-40, 60), title="Amplitude loop at resonance")
-    size.legend(fontsize=7)
+    size.legend(fontsize=SMALL)
     phase.set(ylabel="phase (degrees)", xlabel="frequency of the amplitude (Hz)")
     alt = (
         f"Bode diagram of the amplitude loop: gain margin {figure_text(study.margins.gain)}, tolerated phase error of the "
@@ -316,10 +317,10 @@ def patterns(study: ShapingStudy) -> ReportFigure:
             axes.plot(sensors, np.zeros_like(sensors), "^", color=style.GREY, ms=3, clip_on=False)
             axes.set_ylim(0, 1.05)
         row[0].set_ylabel("|w| / largest")
-        row[0].set_title(f"{beam.name}, {signal}", fontsize=8)
+        row[0].set_title(f"{beam.name}, {signal}", fontsize=SMALL)
     for axes, region in zip(panels[-1], REGIONS, strict=True):
         axes.set_xlabel(f"x (mm), confined {region}")
-    panels[0, -1].legend(fontsize=6.5)
+    panels[0, -1].legend(fontsize=SMALL)
     alt = f"Amplitude along each beam at {frequency / KHZ:g} kHz confined to the left, middle or right third of the sensors."
     return ReportFigure("shaping_patterns", "Confinement left, middle and right", alt, figure, vector=True)
 

@@ -37,7 +37,9 @@ PICTURES, SIZE, STEPS = (".png", ".gif"), (800, 400), 16  # file endings, pixels
 TOWARDS, AROUND = (1.0, -1.6, 1.3), 1.08  # from the body to the eye; half a picture over half of the body drawn
 COLOURS = 64  # in a .gif
 BAR = 0.14  # of a picture's height: the scale of colours
-SCALE = {"title": "u_z / largest", "n_labels": 3, "fmt": "%g", "width": 0.3, "position_x": 0.66, "position_y": 0.02}
+SCALE = {"title": "u_z / largest", "n_labels": 3, "fmt": "%g", "width": 0.3, "position_x": 0.66, "position_y": 0.02,
+         "title_font_size": 24, "label_font_size": 22}  # fmt: skip
+LETTERS = 13  # points: they stay readable in a picture half as wide
 NO_DISPLAY_HINT = "`antinode report STUDY` writes a page with animated shapes for a browser"
 
 
@@ -350,7 +352,7 @@ class _Motion:
         name, shape = self.scene.shapes[self.number]
         self.shape = shape / max(float(np.abs(shape).max()), 1e-300)
         self.level = self.shape[:, 2] / max(float(np.abs(self.shape[:, 2]).max()), 1e-300)
-        self.plotter.add_text(f"{self.scene.title}: {name}{self.keys}", font_size=9, color="black", name="title")
+        self.plotter.add_text(f"{self.scene.title}: {name}{self.keys}", font_size=LETTERS, color="black", name="title")
         self._draw()
 
     def _toggle(self) -> None:

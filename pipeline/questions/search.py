@@ -44,8 +44,9 @@ class Varied(Part):
     @property
     def title(self) -> str:
         """Key as the title of an axis."""
-        name, _, unit = self.key.partition(".")[2].rpartition("_")
-        return f"{self.key.partition('.')[0]} {name.replace('_', ' ')} ({unit})" if unit == "mm" else self.key
+        key, bracket, row = self.key.partition("[")
+        name = key.removesuffix("_mm").replace(".", " ").replace("_", " ")
+        return f"{name}{f' {bracket}{row}' if row else ''}{' (mm)' if key.endswith('_mm') else ''}"
 
 
 class Fidelity(Part):

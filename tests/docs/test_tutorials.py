@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import io
 import os
 import re
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+import antinode
 from pipeline.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -152,6 +154,13 @@ def test_every_table_of_a_case_file_shown_is_an_excerpt_of_a_case_that_there_is(
         f"{page.name}: {block}" for page, block in shown if not any(f"\n{block}" in f"\n{case}\n" for case in cases)
     ]
     assert strange == []
+
+
+def test_python_shown_compiles_and_names_what_there_is() -> None:
+    sources = [block for page in DOCUMENTS for block in blocks(page, "python")]
+    nodes = [node for source in sources for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Attribute)]
+    named = {node.attr for node in nodes if isinstance(node.value, ast.Name) and node.value.id == "antinode"}
+    assert named and not [name for name in named if not hasattr(antinode, name)]
 
 
 @pytest.mark.slow

@@ -472,9 +472,7 @@ def test_many_cases_fold_below_the_best_and_the_appendix_holds_the_rest(
     assert " · 16.0\u202fdB as driven, confined · " in raw[best:fold]  # of a plate with patches
     assert fold < warnings < appendix < raw.index("Simplifications and their reasons</summary>")
     assert appendix < raw.index("<summary>Meshes, inertia counts and computing times</summary>")
-    assert all(
-        re.search(word, raw).start() > appendix for word in ("of order 2", "Inertia count", "Computing time")
-    )
+    assert all(re.search(word, raw).start() > appendix for word in ("of order 2", "Inertia count", "Computing time"))
     few = synthetic.put_study(tmp_path / "few", rows=(1,))
     assert "<summary>Inputs of all cases</summary>" in raw
     assert "All other cases" not in (short := report_page.build(few, max_figures=0).read_text())

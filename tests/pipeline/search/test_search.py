@@ -19,7 +19,7 @@ from pipeline.case.schema import known_keys, of_any_element
 from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.paths import ROOT, STUDIES
-from pipeline.questions.search import Search, SearchResult
+from pipeline.questions.search import Search, SearchResult, Varied
 from pipeline.search import fidelity, optimiser
 from pipeline.search.fidelity import (
     COLUMN,
@@ -199,6 +199,19 @@ def test_a_key_with_a_value_a_row_varies_row_by_row() -> None:
     assert heights == pytest.approx([6.6e-3, 6.2e-3, 5.8e-3])
     with pytest.raises(InputError, match="cannot vary together"):
         read_space(CASE, [], ["array.heights_mm=5:7", "array.rows=1:3"])
+
+
+@pytest.mark.parametrize(
+    ("key", "title"),
+    [
+        ("pillar.height_mm", "pillar height (mm)"),
+        ("zone.shared_rows", "zone shared rows"),
+        ("array.heights_mm[2]", "array heights [2] (mm)"),
+        ("pillar.section.1.side_mm", "pillar section 1 side (mm)"),
+    ],
+)
+def test_an_axis_names_its_key_in_words(key: str, title: str) -> None:
+    assert Varied(key=key, low=1.0, high=2.0, step=0.1).title == title
 
 
 def test_a_key_of_two_words_is_chosen() -> None:
