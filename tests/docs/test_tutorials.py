@@ -146,15 +146,24 @@ def test_a_wrong_command_is_seen() -> None:
         assert understood(line.split()) and not any(each in understood(line.split()) for each in UNFINISHED)
 
 
-def test_every_table_of_a_case_file_shown_is_an_excerpt_of_a_case_that_is_accepted() -> None:
+def test_every_table_of_a_case_file_shown_is_an_excerpt_of_a_case_that_there_is() -> None:
     """Line for line."""
-    cases = [path for folder in ("examples", "studies") for path in (ROOT / folder).rglob("*.toml")]
-    shown = [(page, block) for page in DOCUMENTS for block in blocks(page, "toml")]
-    assert len(shown) > 10
-    for page, block in shown:
-        whole = next((path for path in cases if f"\n{block}" in f"\n{path.read_text()}\n"), None)
-        assert whole, f"{page.name}: {block}"
+    assert len(excerpts()) > 10 and [block for block, whole in excerpts().items() if whole is None] == []
+
+
+@pytest.mark.slow
+def test_the_cases_of_which_excerpts_are_shown_are_accepted() -> None:
+    for whole in {*excerpts().values()}:
         load_case(whole)
+
+
+def excerpts() -> dict[str, Path | None]:
+    """The tables shown, each with the case file that has these lines."""
+    cases = {path: path.read_text() for folder in ("examples", "studies") for path in (ROOT / folder).rglob("*.toml")}
+    shown = [block for page in DOCUMENTS for block in blocks(page, "toml")]
+    return {
+        block: next((path for path, text in cases.items() if f"\n{block}" in f"\n{text}\n"), None) for block in shown
+    }
 
 
 def test_python_shown_compiles_and_names_what_there_is() -> None:
