@@ -45,7 +45,6 @@ FAST = (
     "an_demod",
     "an_texture",
     "an_six_fast",
-    "an_six_slow",
     "an_six_watch",
     "an_capture",
 )

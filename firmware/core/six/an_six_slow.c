@@ -13,6 +13,7 @@
 #define AN_MISMATCH_FLOOR2 1e-4f  /* squared: a hundredth of full scale, for noise */
 #define AN_MISMATCH_SHARE2 0.25f  /* squared: half of the target, for a finger or an error of the matrix */
 #define AN_INTEGRAL_LARGEST2 0.1f /* squared, of the largest target: for an integral that corrects a wrong matrix */
+#define AN_FOLLOWED_LARGEST2 1.0f /* likewise, while the sensor follows its target within half of it */
 #define AN_LIMITED_LARGEST2 0.02f /* likewise, for an error that no integral corrects */
 #define AN_FADE 0.5f              /* of the rate at which a pattern fades in: rate at which it fades out */
 #define AN_UNSTEADY2 0.01f        /* squared, of the target: its way that makes it unsteady */
@@ -21,6 +22,8 @@
 #define AN_GROWTH 1.15f           /* error over smoothed error; of a reversed sensor 1.24 */
 #define AN_GROWN_FLOOR2 2.5e-5f   /* squared: smallest error to judge ... */
 #define AN_GROWN_LARGEST2 0.01f   /* ... plus this of the largest target */
+
+#define AN_LIFTED 0.1f      /* of the integrals, seen again as error: a finger has begun to lift */
 
 /* A window of two periods or more can measure any tone that a table may have. */
 void an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window)
@@ -112,13 +115,16 @@ static float largest2_of(const an_complex *values, uint32_t count)
 }
 
 /* True if a sensor differs from the model. The model is the target plus the integral, because the integral of a dead
- * sensor keeps growing. While the drive is limited, no integral grows, and the model is the target alone. */
+ * sensor keeps growing. While the drive is limited, no integral grows, and the model is the target alone. A finger on a
+ * travelling wave needs large integrals, but leaves sensors that follow. */
 static bool sensors_differ(const an_six_slow *slow, const an_six_job *job)
 {
-    const float share2 = slow->limited != 0u ? AN_LIMITED_LARGEST2 : AN_INTEGRAL_LARGEST2;
-    const float common2 = AN_MISMATCH_FLOOR2 + share2 * largest2_of(slow->target, job->channels);
+    const float largest2 = largest2_of(slow->target, job->channels);
     for (uint32_t i = 0u; i < job->channels; i++) {
-        const float allowed2 = common2 + AN_MISMATCH_SHARE2 * an_abs2(slow->target[i]);
+        const float own2 = AN_MISMATCH_SHARE2 * an_abs2(slow->target[i]);
+        const bool follows = an_abs2(an_sub(slow->measured[i], slow->target[i])) <= own2;
+        const float share2 = slow->limited != 0u ? AN_LIMITED_LARGEST2 : follows ? AN_FOLLOWED_LARGEST2 : AN_INTEGRAL_LARGEST2;
+        const float allowed2 = AN_MISMATCH_FLOOR2 + share2 * largest2 + own2;
         const an_complex grown = slow->limited != 0u ? an_cplx(0.0f, 0.0f) : slow->integral[i];
         const an_complex model = an_add(slow->target[i], grown);
         if (!(an_abs2(an_sub(slow->measured[i], model)) <= allowed2)) {
@@ -205,11 +211,31 @@ static void invert(an_six_slow *slow, const an_six_job *job)
     }
 }
 
+/* Share of the integrals to give up. They hold a steady pattern against a finger; once it has lifted, the sensors show
+ * them on top of their targets. */
+static float relief(const an_six_slow *slow, const an_six_job *job, float reference)
+{
+    float shown = 0.0f;
+    float held = AN_MISMATCH_FLOOR2;
+    float way2 = 0.0f;
+    float size2 = 0.0f;
+    for (uint32_t i = 0u; i < job->channels; i++) {
+        const an_complex target = slow->target[i];
+        shown += along(an_sub(slow->measured[i], target), slow->integral[i]);
+        held += an_abs2(slow->integral[i]);
+        way2 += an_abs2(an_sub(an_scale(job->target[i], reference), target));
+        size2 += an_abs2(target);
+    }
+    const float share = shown / held;
+    return way2 > AN_UNSTEADY2 * size2 || share < AN_LIFTED ? 0.0f : share < 1.0f ? share : 1.0f;
+}
+
 static void track(an_six_slow *slow, const an_six_job *job)
 {
     AN_ASSERT(slow->reference >= 0.0f && slow->reference <= 1.0f);
     const float reference = slow->fading == 0u ? slow->reference * slow->envelope : 0.0f;
     check_model(slow, job, reference);
+    const float relieved = relief(slow, job, reference);
     for (uint32_t i = 0u; i < job->channels; i++) {
         const an_complex error = an_sub(slow->target[i], slow->measured[i]);
         slow->error[i] = interpolate(slow->error[i], error, job->integral * (1.0f / AN_SIX_INTEGRAL));
@@ -217,6 +243,7 @@ static void track(an_six_slow *slow, const an_six_job *job)
         if (slow->limited == 0u) {
             slow->integral[i] = an_add(slow->integral[i], an_scale(error, job->integral));
         }
+        slow->integral[i] = an_scale(slow->integral[i], 1.0f - relieved);
         slow->target[i] = interpolate(slow->target[i], goal, slow->fading == 0u ? job->soft : AN_FADE * job->soft);
         if (slow->fading != 0u) {
             slow->integral[i] = an_scale(slow->integral[i], 1.0f - AN_FADE * job->soft);
