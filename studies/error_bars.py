@@ -264,7 +264,7 @@ def of_whole_cell(design: Design) -> Compared:
     scale = Scale.of(design.thickness_m, design.stack.mean)
     system = assemble(hex_mesh(boxes, fine.order), region_materials(design.stack, design.pillar), scale)
     whole, same = BlochCell(system, design.lattice), _lattice(design, fine)
-    ours, bar = _at_corners(design, 0.003)
+    ours, bar, _ = _at_corners(design, 0.003)
     theirs = np.array([whole.frequencies(k, BANDS) for k in _corners(design)])
     own = [mesh_error(same.cell, same.waves(k, BANDS)) for k in _corners(design)]
     moving = theirs > SLOWEST * theirs.max()
@@ -291,8 +291,10 @@ def of_part(part: str, design: Design, mesh: str = "auto", name: str = "") -> Co
 
 
 def of_cell_command(name: str, design: Design) -> Compared:
-    """Ten bands at G, X and M by `antinode bands` at two accuracies, all of their bars."""
-    (rough, bar), (fine, _) = (_at_corners(design, accuracy) for accuracy in (ROUGHLY, 0.1 * ROUGHLY))
+    """Ten bands at G, X and M by `antinode bands` at two accuracies, all of their bars, the finer one on a finer mesh."""
+    (rough, bar, mesh), (fine, _, finer) = (_at_corners(design, accuracy) for accuracy in (ROUGHLY, FINELY))
+    if mesh == finer:
+        raise RuntimeError(f"{name}, {described(design)}: both on {mesh}, so that one mesh is compared with itself")
     moving = fine > SLOWEST * fine.max()
     return Compared(name, described(design), np.abs(rough[moving] / fine[moving] - 1.0), bar[moving])
 
@@ -411,13 +413,13 @@ def _corners(design: Design) -> FloatArray:
     return np.pi / design.pitch_x_m * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
 
 
-def _at_corners(design: Design, accuracy: float) -> tuple[FloatArray, FloatArray]:
-    """Frequencies (3, bands) at G, X and M from `antinode bands`, and their discretisation and truncation error bars."""
+def _at_corners(design: Design, accuracy: float) -> tuple[FloatArray, FloatArray, str]:
+    """Frequencies (3, bands) at G, X and M from `antinode bands`, with all of their error bars, and the elements."""
     settings = [f"solve.accuracy={accuracy}", "bands.points=1", f"bands.count={BANDS}"]
     case = load_case(CASE, settings)
     result = ask(replace(case, design=design), Bands(), Run(QUIET, detailed=False))
     assert np.allclose(result.wavevectors_per_m[:3], _corners(design))
-    return result.frequencies_hz[:3], result.error[:3]
+    return result.frequencies_hz[:3], result.error[:3], result.model
 
 
 def _modes(part: str, design: Design, accuracy: float, mesh: str) -> tuple[FloatArray, FloatArray]:
