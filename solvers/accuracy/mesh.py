@@ -262,7 +262,8 @@ def clamped_shares(
     ----------
     .. [1] williams1952 (docs/references.bib)
     """
-    rims = [(Edge(clamped_edge_exponent(material), OUTER_ACROSS, 1.0),), *(_rim_edges(rim) for rim in more)]
+    clamped = clamped_edge_exponent(material)
+    rims = [(Edge(clamped, OUTER_ACROSS, 1.0, clamped),), *(_rim_edges(rim) for rim in more)]
     is_long = mesh.size_m > thickness_m
     shares = replace(_shares(rims, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
     if not is_long:  # of a pillar of sections, the share stands for their rims, too, which no smooth layer reaches
@@ -307,11 +308,29 @@ def held_shares(material: Material, mesh: HexSettings) -> ErrorFractions:
 
 @dataclass(frozen=True)
 class Edge:
-    """A singularity: its exponent, the part of the outer elements in the error, and its weight among others."""
+    """A singularity: its exponent, the part of the outer elements in the error, and its weight among others where it is alike.
+
+    alike: exponent of the same edge in one material, for which the weight, a part of the layer's change, is known.
+    """
 
     exponent: float
     outer: float
     weight: float
+    alike: float
+
+    def changes(self, mesh: HexSettings) -> tuple[float, float, float, float]:
+        """Errors of the mesh, without its innermost layer and of an order less, and the weight of the layer's change.
+
+        Motions are as large as in one material; a regular one, along the rim of a soft pillar, changes nothing.
+        """
+        less = replace(mesh, order=mesh.order - 1)
+        meshes = mesh, mesh.coarser if mesh.layers else less, less
+        own, coarse, lower = (self._error(each, self.exponent) for each in meshes)
+        there = self._error(meshes[1], self.alike) - self._error(mesh, self.alike)
+        return own, coarse, lower, self.weight * (coarse - own) / there
+
+    def _error(self, mesh: HexSettings, exponent: float) -> float:
+        return rim_error(exponent, mesh.order, mesh.factor, mesh.layers - mesh.skipped, self.outer)
 
 
 def _rim_edges(rim: Rim) -> tuple[Edge, Edge]:
@@ -320,8 +339,12 @@ def _rim_edges(rim: Rim) -> tuple[Edge, Edge]:
 
 def _edges(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FREE)) -> tuple[Edge, Edge]:
     """Singularities in the plane across an edge and along it, both exponents slightly below the regular value 1."""
-    across, along = (min(each(wedges, faces), ALMOST_SMOOTH) for each in (edge_exponent, antiplane_exponent))
-    return Edge(across, OUTER_ACROSS, ACROSS), Edge(along, OUTER_ALONG, 1.0 - ACROSS)
+    one = tuple(replace(each, material=wedges[0].material) for each in wedges)
+    (across, alike), (along, too) = (
+        [min(exponent(each, faces), ALMOST_SMOOTH) for each in (wedges, one)]
+        for exponent in (edge_exponent, antiplane_exponent)
+    )
+    return Edge(across, OUTER_ACROSS, ACROSS, alike), Edge(along, OUTER_ALONG, 1.0 - ACROSS, too)
 
 
 def _shares(rims: Sequence[tuple[Edge, ...]], mesh: HexSettings, rough: float, ranges: float = 1.0) -> ErrorFractions:
@@ -329,11 +352,10 @@ def _shares(rims: Sequence[tuple[Edge, ...]], mesh: HexSettings, rough: float, r
 
     The singularities' range (times `ranges`), a rough part, and how far one rim alone is from all of them are the uncertainty.
     """
-    left, order = zip(*(_of_rim(rim, mesh) for rim in rims), strict=True)
-    weights = np.array([edge.weight for rim in rims for edge in rim])
-    all_left, all_order = np.concatenate(left), np.concatenate(order)
-    middle, at_edge = (float(np.average(each, weights=weights)) for each in (all_left, all_order))
-    alone = [np.average(each, weights=[edge.weight for edge in rim]) for each, rim in zip(left, rims, strict=True)]
+    left, order, weights = zip(*(_of_rim(rim, mesh) for rim in rims), strict=True)
+    all_left, all_order, every = (np.concatenate(each) for each in (left, order, weights))
+    middle, at_edge = (float(np.average(each, weights=every)) for each in (all_left, all_order))
+    alone = [np.average(one, weights=own) for one, own in zip(left, weights, strict=True)]
     unlike = float(max(abs(each - middle) for each in alone))
     spread = ranges * float(np.ptp(all_left)) / 2.0 + rough * middle + unlike
     taken = middle if mesh.layers else 0.0  # without layers the edge's share of the change is unknown
@@ -341,16 +363,11 @@ def _shares(rims: Sequence[tuple[Edge, ...]], mesh: HexSettings, rough: float, r
 
 
 def _of_rim(edges: tuple[Edge, ...], mesh: HexSettings) -> FloatArray:
-    """Of each of k singularities: what is left of the layer's change, and the order's change over it, (2, k)."""
-    less = replace(mesh, order=mesh.order - 1)
-    of_edges = []
-    for edge in edges:
-        own, coarse, lower = (
-            rim_error(edge.exponent, each.order, each.factor, each.layers - each.skipped, edge.outer)
-            for each in (mesh, mesh.coarser if mesh.layers else less, less)
-        )
-        of_edges.append((own / (coarse - own), (lower - own) / (coarse - own)))
-    return np.transpose(of_edges)
+    """Of each of k singularities: what is left of the layer's change, the order's change over it, and its weight, (3, k)."""
+    changes = (edge.changes(mesh) for edge in edges)
+    return np.transpose(
+        [(own / (coarse - own), (lower - own) / (coarse - own), part) for own, coarse, lower, part in changes]
+    )
 
 
 Body = TypeVar("Body")

@@ -114,6 +114,16 @@ def test_shares_are_between_the_exponents_and_grow_with_the_contrast() -> None:
     assert finer.correction < even.correction  # outer elements of order 4 leave less
 
 
+@pytest.mark.parametrize("order", [3, 4])
+def test_a_very_soft_pillar_has_the_share_of_a_clamped_one(order: int) -> None:
+    """Motion along its rim is regular, and brings nothing of the layer's change; between, the share is between both."""
+    mesh = replace(MESH, order=order)
+    rubbers = [Material.isotropic("rubber", young_pa, 1200.0, 0.47) for young_pa in (1e5, 1e9)]
+    soft, firmer = (rim_shares(STEEL, rubber, mesh).correction for rubber in rubbers)
+    clamped = clamped_shares(rubbers[0], mesh).correction
+    assert soft == pytest.approx(clamped, rel=1e-3) and firmer == pytest.approx(clamped, rel=0.02)
+
+
 def test_nothing_singular_leaves_the_order_alone() -> None:
     layer, order = np.array([0.0, 0.0]), np.array([1e-3, -2e-3])
     assert ErrorFractions().half_width(layer, order) == pytest.approx(SMOOTH * np.abs(order))
