@@ -211,12 +211,12 @@ def table_of_unlike_plates() -> str:
     return "\n".join(lines)
 
 
-def write_into_page(command: str, text: str) -> None:
-    """Replace the part of docs/board/loop.md between the mark that names the command and the next end mark."""
+def write_into_page(page: Path, command: str, text: str) -> None:
+    """Replace the part of a page between the mark that names the command and the next end mark."""
     mark = f"<!-- {command} -->\n"
-    before, rest = PAGE.read_text().split(mark, 1)
-    PAGE.write_text(before + mark + "\n" + text.rstrip() + "\n" + rest[rest.index(END) :])
-    print(f"{PAGE.name}: written")
+    before, rest = page.read_text().split(mark, 1)
+    page.write_text(before + mark + "\n" + text.rstrip() + "\n" + rest[rest.index(END) :])
+    print(f"{page.name}: written")
 
 
 def damped(plate: Plate, times: float) -> Plate:
@@ -434,7 +434,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"firmware.closed_loop: {missing}", file=sys.stderr)
         return 5
     if chosen.write:
-        write_into_page(f"python -m firmware.closed_loop {chosen.table} --write", text)
+        write_into_page(PAGE, f"python -m firmware.closed_loop {chosen.table} --write", text)
     else:
         print(text)
     return 0

@@ -6,7 +6,7 @@ number of the tick. firmware.injection_jobs adds lifts, softening plates, retrie
 the same for six channels. On the emulated board, with the unmodified images of both builds, they are lost
 interrupts, failed sensors and flipped bits, at every 101st tick of one second (six channels: every 17th). These
 numbers are coprime to the ticks of a window and of a check of the guard, so that every phase of both occurs. --stride
-and --image-stride change them; docs/board/safety.md summarises the rows. A run takes some ten minutes on one processor.
+and --image-stride change them; --write writes the rows to docs/board/safety.md. A run takes some ten minutes on one processor.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 
 from firmware import injection_jobs, injection_six
 from firmware.build import BuildError, build
-from firmware.closed_loop import GAIN, held_plate
+from firmware.closed_loop import GAIN, PAGE, held_plate, write_into_page
 from firmware.host import NoCompiler, load
 from firmware.injection_rig import HEAD, SIX_WORDS, WORDS, Row, bits_of, rig_rows
 from firmware.injection_trials import (
@@ -34,6 +34,8 @@ from firmware.injection_trials import (
     sensor_kinds,
 )
 from firmware.protocol import RUN
+
+SAFETY = PAGE.with_name("safety.md")
 
 
 def _runs(board: Any) -> bool:
@@ -89,9 +91,11 @@ def main(arguments: list[str] | None = None) -> int:
         help="ticks between two injections on the images",
     )
     parser.add_argument("--image-seconds", type=float, default=1.0, help="length of the run on the images, s")
+    parser.add_argument("--write", action="store_true", help="write the rows to docs/board/safety.md, too")
     chosen = parser.parse_args(arguments)
     rows: list[Row] = []
-    print(f"{HEAD}\n{'|---' * 5}|")
+    head = f"{HEAD}\n{'|---' * 5}|"
+    print(head)
     try:
         for result in (
             rig_rows(chosen.seconds, chosen.stride),
@@ -105,6 +109,8 @@ def main(arguments: list[str] | None = None) -> int:
     except (NoCompiler, BuildError) as missing:
         print(f"injection: {missing}", file=sys.stderr)
         return 5
+    if chosen.write:
+        write_into_page(SAFETY, "python -m firmware.injection --write", "\n".join([head, *(one.text for one in rows)]))
     return 0 if all(one.is_sound for one in rows) else 4
 
 

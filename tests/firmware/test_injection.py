@@ -16,7 +16,7 @@ from firmware.closed_loop import held_plate
 from firmware.emulate.plant import Beam, measured_table
 from firmware.injection import SIX_WORDS, WORDS
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
-from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
+from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault, fault_names
 from tests.helpers.hosted_boards import HostedSix, Rig, restore, save
 
 
@@ -263,3 +263,18 @@ def test_no_flipped_bit_leaves_six_channels_a_job_that_cannot_be_ended(six, word
             assert not any(abs(z) > 0.9 for z in board.measured) or board.state == FAULT, bit
             ends_at_rest(board, lambda own=board: list(own.duties) == [own.middle] * 6, bit)
             board.ffi.buffer(board.app)[:], board.beam.state, board.duties[0:6] = app, beam, duties
+
+
+def test_the_page_has_the_rows_of_the_command_all_in_time() -> None:
+    """Of every injected fault, at the stride that the page states."""
+    text = injection.SAFETY.read_text()
+    table = text[text.index(injection_rig.HEAD) : text.index("<!-- end -->")].splitlines()[2:]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
+    names = [name.partition(" (")[0] for name, *_ in rows]
+    faults = [fault_names(fault)[0] for fault in injection_rig.TRIPS] + [
+        f"sensor {how}" for how in injection_rig.SENSORS
+    ]
+    assert {*faults} <= {*names} and len(names) == len({*names}) and sum("image, " in name for name in names) > 20
+    for _, counts, times, *_ in rows:
+        longest, allowed = map(int, times.split("/"))
+        assert longest <= allowed and sum(map(int, counts.split("/"))) > 0
