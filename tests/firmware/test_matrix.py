@@ -117,10 +117,16 @@ ERROR2_MAX = 0.0475  # AN_ERROR2_MAX
 def spoilt(board: HostedSix, client: Client, coherence: float) -> matrix.Matrix:
     """A matrix whose sensors have been incoherent: the misfit of the last dwell alone would pass."""
     client.identify()
+    spoil(board, client, coherence)
+    return measured(board, client)
+
+
+def spoil(board: HostedSix, client: Client, coherence: float) -> None:
+    """Replace the coherence of the sensors once the matrix is being verified; a silent host would stop the board."""
     while not board.app.verifying:
+        assert client.status().state == "identify"
         board.run(0.02)
     board.app.coherence = [coherence] * 36
-    return measured(board, client)
 
 
 def test_what_the_client_refuses_is_held_by_no_start(core) -> None:
@@ -132,10 +138,9 @@ def test_what_the_client_refuses_is_held_by_no_start(core) -> None:
         matrix.judge(found)
     client.pattern(0, 0.05)
     assert board.state == IDENTIFY
-    while not board.app.verifying:
-        board.run(0.02)
-    board.app.coherence = [0.85] * 36
+    spoil(board, client, 0.85)
     while board.state == IDENTIFY:
+        client.status()
         board.run(0.02)
     assert board.state == FAULT and board.faults == Fault.IDENTIFY and board.at_rest
 

@@ -349,7 +349,8 @@ def test_references_may_change_in_time():
 
 def test_constants_are_the_firmwares():
     """Its own time constant of the loop and the gain it allows a neighbour, as its source states them."""
-    source = (Path(__file__).resolve().parents[3] / "firmware" / "core" / "single" / "an_single.c").read_text()
+    core = Path(__file__).resolve().parents[3] / "firmware" / "core" / "single"
+    source = "".join((core / name).read_text() for name in ("an_single.c", "an_pi.h"))
     stated = {name: float(value) for name, value in re.findall(r"#define (AN_\w+) ([0-9.e-]+)f", source)}
     assert (stated["AN_RESPONSE_S"], stated["AN_NEIGHBOUR_LOOP"]) == (FIRMWARE_RESPONSE_S, NEIGHBOUR_LOOP)
     assert stated["AN_LEAVING_S"] == LEAVING_S
