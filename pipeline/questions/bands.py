@@ -180,7 +180,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     ((7, 4), 'G')
     """
 
-    moves = "pipeline.report.shapes.bands_in_frame"
+    moves = "report.shapes.bands_in_frame"
 
     model: str = column("model of the unit cell and its element order, such as superelement hex3")
     dof: int = column("degrees of freedom at one wavevector")

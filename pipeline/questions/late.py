@@ -36,5 +36,12 @@ else:
     simplifications = _Late("pipeline.planning.simplifications")
     Axes = Case = ComplexArray = FloatArray = Plan = ReportFigure = Simplification = Any
 
+
+def named(place: str) -> Any:
+    """Return what has a dotted name in the pipeline, such as report.gallery.dispersion, from a module that loads only now."""
+    module, _, name = place.rpartition(".")
+    return getattr(import_module(f"pipeline.{module}"), name)
+
+
 __all__ = ["Axes", "Case", "ComplexArray", "FloatArray", "Plan", "ReportFigure", "Simplification", "confinement"]
-__all__ += ["fields", "np", "outputs", "plans", "resource_estimate", "simplifications", "style"]
+__all__ += ["fields", "named", "np", "outputs", "plans", "resource_estimate", "simplifications", "style"]

@@ -68,7 +68,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     (2, 39100.0)
     """
 
-    moves = "pipeline.report.shapes.modes_in_frame"
+    moves = "report.shapes.modes_in_frame"
 
     model: str = column("model of the part and its element order, such as superelement hex3")
     part: str = column("plate, zone, pillar, or mesh for a mesh file")

@@ -115,7 +115,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     True
     """
 
-    moves = "pipeline.report.shapes.response_in_frame"
+    moves = "report.shapes.response_in_frame"
 
     model: str = column("model and element order, and the number of patches")
     dof: int = column("degrees of freedom that were solved for")

@@ -9,12 +9,11 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from html import escape
-from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
 
-from pipeline.questions.late import Axes, FloatArray, ReportFigure, np, outputs, style
+from pipeline.questions.late import Axes, FloatArray, ReportFigure, named, np, outputs, style
 from pipeline.records.part import DOCUMENT_SCHEMA, Axis, Part, part_of, rows_of
 
 if TYPE_CHECKING:
@@ -425,8 +424,7 @@ class Result(Part):
 
     def _moving(self) -> str:
         """Return the interactive part for a notebook, made by the function of the report that `moves` names."""
-        module, _, name = self.moves.rpartition(".")
-        return str(getattr(import_module(module), name)(self)) if name else ""
+        return str(named(self.moves)(self)) if self.moves else ""
 
 
 def _length(part: Part, along: Axis) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from pipeline.errors import InputError
 from pipeline.planning import simplifications
 from pipeline.planning.plan import Plan
 from pipeline.questions import known
+from pipeline.questions.late import named
 from pipeline.questions.question import Question, Run, Unanswered, ask
 from pipeline.questions.result import Figure, Result, reach
 from pipeline.records import store, tables
@@ -103,9 +103,8 @@ def draws() -> list[Draw]:
 
 def _draws(question: Question[Any]) -> list[Draw]:
     """Return the functions that draw a question's pictures: functions of pipeline by name, or the result's own."""
-    places = [name.rpartition(".") for name in question.pictures]
-    if places:
-        return [getattr(import_module(f"pipeline.{module}"), function) for module, _, function in places]
+    if question.pictures:
+        return [named(place) for place in question.pictures]
 
     def pictures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigure] | None:
         found = case.record.answers.get(question.name)

@@ -118,11 +118,18 @@ def _add_body(
     if facets is None:
         return
     points, facets, u, copies = quarter(arrays, facets, len(words))
-    facets = facets if thickness_m is None else with_sides(points, facets, thickness_m)
-    kept, small = coarse(points, facets, MAX_POINTS)
-    body = gallery.add_body(points[kept], small, REACH * float(np.ptp(points[:, 2])))
+    body, kept = _coarse_body(gallery, points, facets, thickness_m)
     for shape, images, each in zip(u, copies, words, strict=True):
         gallery.add_shape(body, shape[kept], each, images)
+
+
+def _coarse_body(
+    gallery: Gallery, points: FloatArray, facets: IntArray, thickness_m: float | None
+) -> tuple[int, IntArray]:
+    """Add a surface, made coarser, the sides of a plate closed; its number, and the points that it keeps."""
+    closed = facets if thickness_m is None else with_sides(points, facets, thickness_m)
+    kept, small = coarse(points, closed, MAX_POINTS)
+    return gallery.add_body(points[kept], small, REACH * float(np.ptp(points[:, 2]))), kept
 
 
 def _words(case: StoredCase, frequency_hz: float, target: bool) -> dict[str, str]:
@@ -190,9 +197,7 @@ def response_in_frame(result: ResponseResult) -> str:
     if result.forced is None or peak is None:
         return ""
     skin, gallery = result.forced.skin(peak.frequency_hz), Gallery()
-    facets = with_sides(skin.points, skin.facets, result.forced.design.thickness_m)
-    kept, small = coarse(skin.points, facets, MAX_POINTS)
-    body = gallery.add_body(skin.points[kept], small, REACH * float(np.ptp(skin.points[:, 2])))
+    body, kept = _coarse_body(gallery, skin.points, skin.facets, result.forced.design.thickness_m)
     words = _spoken("target mode's peak", "the driven plate", frequency(peak.frequency_hz, peak.frequency_error))
     gallery.add_shape(body, skin.displacement[0][kept], words, [WHOLE])
     return _frame("The driven plate, animated", FRAME_PX["modes"], vars(gallery))
