@@ -32,7 +32,7 @@ from solvers.waves.bloch import BlochCell, periodic_nodes, sides
 
 FINER = 1.2  # times smaller at least must the elements of the finer mesh be, along every axis, everywhere
 SAME_BODY = 0.01  # of the size along an axis, and of the volume: two meshes of one cell agree that well
-FACE = Interface(16, 5)  # boundary functions of a reduced cell
+FACE = Interface(12, 4)  # boundary functions of a reduced cell
 TRUNCATED = 1e-6  # relative change of a frequency by the reduction above which the mesh is solved whole
 MIN_DOF, MIN_WAVEVECTORS = 4000, 9  # the reduction takes longer than fewer solves of a smaller mesh
 SAMPLES = 3  # wavevectors sampled per segment of the path

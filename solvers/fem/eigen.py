@@ -274,7 +274,9 @@ def _factors_near(
         raise refused
 
 
-def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tuple[FloatArray, FloatArray]:
+def lowest_pairs(
+    pencil: PlainPencil, count: int, multiplicity: int = 1, factorise: Factoriser | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Compute the lowest eigenpairs including rigid ones; an inertia count above them proves that none is missing.
 
     The shift lies below zero, where K - sigma M is positive definite.
@@ -287,6 +289,8 @@ def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tupl
         Number of distinct eigenvalues.
     multiplicity : int, optional
         Multiplicity of each.
+    factorise : Factoriser, optional
+        With the symbolic analysis of pencils of the same sparsity pattern.
 
     Returns
     -------
@@ -302,7 +306,7 @@ def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tupl
     SolverError
         For a negative eigenvalue or a large residual.
     """
-    solver = _Solver(pencil, None)
+    solver = _Solver(pencil, Shared(factorise) if factorise else None)
     size = count * multiplicity
     shift = -1e-6 * solver.norm_ratio
     factor, shift = solver.factor(shift)

@@ -1,32 +1,31 @@
-"""A cell reduced for the Bloch waves of its own mesh: boundary polynomials and fixed-interface modes, enriched and condensed by
-waves at a few wavevectors.
+"""A cell reduced for the Bloch waves of its own mesh: over its waves at a few wavevectors.
 
-A wave u of the reduced cell at eigenvalue l leaves the residual r = (K - l M) u inside. The vectors K_II^-1 r and K_II^-1 M
-K_II^-1 r of the sampled waves join the fixed-interface modes. The degrees of freedom that the samples combine are the basis
-at every wavevector. Lower bounds at others say how far its waves lie above the mesh's; where that is too far, they are
-sampled, too.
+Boundary polynomials and fixed-interface modes give the first waves at these. A wave u at the eigenvalue l leaves the residual
+r = (K - l M) u inside; the vectors K_II^-1 r and K_II^-1 M K_II^-1 r join the modes. Lower bounds at other wavevectors say how
+far their waves lie above the mesh's. Where that is too far, all samples come nearer to the mesh's own waves, and the worst of
+the others join them: the cell whose sides move freely answers what a wave leaves, its sides included (`Enclosure.nearer`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.linalg import block_diag, eigh, svd
+from scipy.linalg import block_diag, eigh, qr, svd
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.lattice import Lattice
 from solvers.accuracy.reduction import STILL
 from solvers.fem.assembly import Scale, System, on_components
 from solvers.fem.eigen import uncounted
-from solvers.fem.factor import Factor, Factoriser
 from solvers.superelement.cell import Expansion
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import ReducedLattice, Waves, times
-from solvers.superelement.reduction import CellBuilder, ClassSector, Sector, SymmetryClass
+from solvers.superelement.reduction import CellBuilder, SymmetryClass
 from solvers.threads import one_thread
+from solvers.waves.bloch import BlochCell
 from solvers.waves.enclosure import Enclosure
 
 ADDS_NOTHING = 1e-10  # relative change of an eigenvalue by a combination of interior vectors
@@ -35,7 +34,7 @@ MODES = 3  # times the number of bands: fixed-interface modes
 SPARE = 4  # waves sampled above those requested: one of them at least lies apart from the bands
 SHIFT = 0.1  # of the highest band's eigenvalue: what holds the cell whose sides move freely
 BETWEEN = 1.5  # error at any wavevector over the largest of those checked
-AT_ONCE, ROUNDS = 6, 4  # wavevectors that join the samples together, and how often
+AT_ONCE, ROUNDS = 6, 6  # wavevectors that join the samples together, and how often
 
 
 @dataclass(frozen=True)
@@ -99,105 +98,105 @@ def sampled_lattice(
         If a rigid-body mode meets a force or the mass is wrong.
     """
     with one_thread():
-        return _Sampling(system, interface, count, edges_m).reduced(sampled, checked, allowed)
+        reduced = _Enriched(system, interface, count, edges_m)
+        lattice, waves = Lattice(*reduced.cell.vectors_m.tolist()), reduced.waves(sampled, count + SPARE)
+        del reduced  # its shapes and its factor take as much as what follows
+        sampling = _Sampling(system, count, lattice)
+        sampling.sample(sampled, iter(waves))
+        del waves
+        return sampling.reduced(checked, allowed)
 
 
 class _Sampling:
-    """A reduced cell, its shapes on the mesh, its interior with its factor, and the waves sampled so far.
+    """A mesh with its ties, its waves at the wavevectors sampled, what these span (dof, n), and the lattice over it."""
 
-    shapes: those of the boundary functions, of the fixed-interface modes, and for each sample those of the interior that it
-    added; all but the first are K-orthonormal. interior: None where its memory was given back. free: the samples' free degrees
-    of freedom.
+    def __init__(self, system: System, count: int, lattice: Lattice) -> None:
+        self.system, self.count, self.mesh = system, count, BlochCell(system, lattice)
+        self.sampled, self.basis = np.empty((0, 2)), np.empty((self.mesh.dof, 0))
+
+    def sample(self, wavevectors: FloatArray, motions: Iterator[ComplexArray]) -> None:
+        """Make the lattice over waves (3n, count + SPARE) at some wavevectors, in the place of those sampled before."""
+        width = self.count + SPARE
+        parts = np.empty((self.mesh.dof, 2 * width * len(wavevectors)), order="F")
+        for first, motion in zip(range(0, parts.shape[1], 2 * width), motions, strict=True):
+            own = self.mesh.led(motion)
+            parts[:, first : first + width], parts[:, first + width : first + 2 * width] = own.real, own.imag
+        del self.basis  # whose memory the next one takes
+        spanned, mix = qr(parts, overwrite_a=True, mode="economic", check_finite=False)
+        turn, size, _ = svd(mix)
+        self.sampled, self.basis = wavevectors, spanned @ turn[:, size > SAME * size[0]]
+        self.lattice = SampledLattice(*self.mesh.over(self.basis), self.mesh.lattice.vectors_m, self.mesh.scale)
+
+    def reduced(self, checked: FloatArray, allowed: float) -> tuple[SampledLattice, float]:
+        """The lattice over the waves sampled, and the largest error at other wavevectors, some of which join the first."""
+        top = max(self.lattice.solve(k, self.count)[0][-1] for k in checked)
+        bounds = Enclosure(self.system, self.mesh, SHIFT * float(top))
+        for rounds in range(ROUNDS):
+            errors = BETWEEN * np.array([self._error(bounds, k) for k in checked])
+            worst = checked[np.argsort(-errors)[: min(AT_ONCE, np.count_nonzero(errors > allowed))]]
+            if rounds == ROUNDS - 1 or not len(worst):
+                break
+            joined = np.unique(np.vstack([self.sampled, worst]), axis=0)
+            self.sample(joined, (bounds.nearer(k, *self._waves(k)) for k in joined))
+        return self.lattice, float(errors.max())
+
+    def _error(self, bounds: Enclosure, k: FloatArray) -> float:
+        """Largest relative error of a moving wave's frequency at a wavevector, to first order."""
+        motion, values = self._waves(k)
+        rises = bounds.rises(k, motion, values, self.count)
+        values = values[: self.count]
+        moving = values > STILL**2 * values[-1]
+        return float((rises[moving] / (2.0 * values[moving])).max(initial=0.0))
+
+    def _waves(self, k: FloatArray) -> tuple[ComplexArray, FloatArray]:
+        """Motions (3n, count + SPARE) and eigenvalues of the waves at a wavevector."""
+        values, vectors = self.lattice.solve(k, self.count + SPARE)
+        return self.mesh.motion(k, times(self.basis, vectors)), values
+
+
+class _Enriched:
+    """A reduced cell, its shapes on the mesh, and its interior with its factor.
+
+    shapes: of the boundary functions, of the fixed-interface modes, and for each wavevector those of the interior that its
+    waves added; all but the first are K-orthonormal.
     """
 
-    interior: tuple[Sector, Factor] | None
-
     def __init__(self, system: System, interface: Interface, count: int, edges_m: FloatArray | None) -> None:
-        self.system, self.count = system, count
+        self.system = system
         builder = CellBuilder(system, interface, (), (), edges_m)
         clamped = builder.clamp({})
-        sector, self.shapes = clamped.sector, [clamped.shapes]
-        self.inside, self.interior = builder.inside, (sector, clamped.factor)
+        self.sector, self.factor, self.shapes = clamped.sector, clamped.factor, [clamped.shapes]
         none = np.zeros((clamped.basis.shape[1],) * 2)
-        values, vectors = uncounted(sector.pencil, clamped.factor, MODES * count)
+        values, vectors = uncounted(self.sector.pencil, self.factor, MODES * count)
         top_hz = float(system.scale.frequency(values)[-1])
         whole = builder.join([SymmetryClass({}, clamped.basis, clamped.shapes, np.empty(0), top_hz, none)])
         builder.check(whole)
         undrawn = Expansion.nothing(whole.dof)
         self.cell = replace(whole, touch=undrawn, skin=undrawn, bare=None)
-        self._attach(sector.spread(vectors / np.sqrt(values)))
-        self.lattice = ReducedLattice(self.cell)
-        self.free = np.empty((self.lattice.dof, 0))
+        self._attach(self.sector.spread(vectors / np.sqrt(values)))
 
-    def reduced(self, sampled: FloatArray, checked: FloatArray, allowed: float) -> tuple[SampledLattice, float]:
-        """The lattice over the waves at some wavevectors, and the largest error at others, some of which join the first."""
-        bounds, known, errors = None, np.zeros(len(checked), dtype=bool), np.full(len(checked), inf)
-        for _ in range(ROUNDS):
-            condensed, basis = self._condensed(sampled)
-            self.interior = None  # the bounds' factor takes as much
-            if bounds is None:
-                top = max(condensed.solve(k, self.count)[0][-1] for k in checked)
-                bounds = Enclosure(self.system, Lattice(*self.cell.vectors_m.tolist()), SHIFT * float(top))
-            high = np.flatnonzero(BETWEEN * errors > allowed)
-            errors[high] = [self._error(bounds, condensed, basis, k) for k in checked[high]]
-            high = high[BETWEEN * errors[high] > allowed]
-            if not len(high) or known[high].any():  # a sampled wave that lies too high lacks boundary functions
-                break
-            worst = high[np.argsort(-errors[high])[:AT_ONCE]]
-            known[worst], sampled = True, checked[worst]
-        return condensed, BETWEEN * float(errors.max())
-
-    def _error(self, bounds: Enclosure, condensed: SampledLattice, basis: FloatArray, k: FloatArray) -> float:
-        """Largest relative error of a moving wave's frequency at a wavevector, to first order."""
-        values, vectors = condensed.solve(k, self.count + SPARE)
-        turn = np.exp(1j * self.lattice.offset @ (condensed.vectors_m @ k))[:, None]
-        motion = self._motion(turn * times(basis, vectors)[self.lattice.column])
-        rises = bounds.rises(k, motion, values, self.count)
-        values = values[: self.count]
-        moving = values > STILL**2 * values[-1]
-        return float((rises[moving] / (2.0 * values[moving])).max(initial=0.0))
+    def waves(self, wavevectors: FloatArray, count: int) -> list[ComplexArray]:
+        """The motion of every node (3n, count) in the lowest waves at some wavevectors, whose answers join the interior."""
+        lattice = ReducedLattice(self.cell)
+        for waves in [lattice.waves(k, count) for k in wavevectors]:
+            self._enrich(waves)
+        lattice = ReducedLattice(self.cell)
+        return [self._motion(lattice.waves(k, count).dofs) for k in wavevectors]
 
     def _motion(self, dofs: ComplexArray) -> ComplexArray:
         """Motion of every node (3n, k) by the cell's degrees of freedom, or by those that it had before others joined them."""
         ends = np.cumsum([own.shape[1] for own in self.shapes])
         return np.asarray(sum(map(times, self.shapes, np.split(dofs, ends[ends < len(dofs)]))))
 
-    def _condensed(self, wavevectors: FloatArray) -> tuple[SampledLattice, FloatArray]:
-        """The lattice over the real and imaginary parts of the waves sampled so far and at some wavevectors, and its basis."""
-        for waves in [self.lattice.waves(k, self.count + SPARE) for k in wavevectors]:
-            self._enrich(waves)
-        self.lattice = lattice = ReducedLattice(self.cell)
-        dofs = np.hstack([lattice.waves(k, self.count + SPARE).dofs for k in wavevectors])
-        first = (lattice.offset == 0.0).all(axis=1)
-        own = np.empty((lattice.dof, dofs.shape[1]), dtype=complex)
-        own[lattice.column[first]] = dofs[first]
-        known = np.vstack([self.free, np.zeros((lattice.dof - len(self.free), self.free.shape[1]))])
-        self.free = np.hstack([known, own.real, own.imag])
-        basis, size, _ = svd(self.free, full_matrices=False)
-        basis = basis[:, size > SAME * size[0]]
-        steps, *whole = lattice.steps
-        stiffness, mass = (basis.T @ each.reshape(-1, lattice.dof, lattice.dof) @ basis for each in whole)
-        del lattice.steps, whole  # made again only if more wavevectors join
-        return SampledLattice(steps, stiffness, mass, lattice.cell.vectors_m, lattice.cell.scale), basis
-
-    def _left(self, waves: Waves) -> tuple[FloatArray, FloatArray]:
-        """Nodal loads (3n, 2k) that real and imaginary parts of moving waves leave, and their eigenvalues (2k,)."""
+    def _enrich(self, waves: Waves) -> None:
+        """Join further vectors of the interior to the cell: those with which the waves answer what they leave."""
         moving = waves.eigenvalue > STILL**2 * waves.eigenvalue[-1]
         wave = self._motion(waves.dofs[:, moving])
-        motion = np.hstack([wave.real, wave.imag])
-        value = np.tile(waves.eigenvalue[moving], 2)
-        return self.system.stiffness @ motion - on_components(self.system.mass, motion) * value, value
-
-    def _enrich(self, waves: Waves) -> None:
-        """Join further vectors of the interior to the cell: those with which a sample answers what it leaves."""
-        if self.interior is None:
-            again = ClassSector(self.system, self.inside)
-            self.interior = again, Factoriser()(sp.csc_array(again.pencil.stiffness))
-        sector, factor = self.interior
-        left, value = self._left(waves)
-        first = factor.solve(sector.restrict(left)) / np.sqrt(value)
-        second = factor.solve(sector.pencil.apply_mass(first)) * value
-        self._attach(sector.spread(np.hstack([first, second])))
+        motion, value = np.hstack([wave.real, wave.imag]), np.tile(waves.eigenvalue[moving], 2)
+        left = self.system.stiffness @ motion - on_components(self.system.mass, motion) * value
+        first = self.factor.solve(self.sector.restrict(left)) / np.sqrt(value)
+        second = self.factor.solve(self.sector.pencil.apply_mass(first)) * value
+        self._attach(self.sector.spread(np.hstack([first, second])))
 
     def _attach(self, field: FloatArray) -> None:
         """Join what shapes (3n, k) of the interior add to those that the cell has, K-orthonormal."""

@@ -15,12 +15,13 @@ from math import gcd
 import numpy as np
 import scipy.sparse as sp
 
-from geometry.elements import BoolArray, FloatArray, IntArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.errors import MeshError
 from geometry.lattice import Lattice
 from geometry.mesh import AnyMesh
 from solvers.fem.assembly import System
 from solvers.fem.eigen import PlainPencil, lowest_pairs
+from solvers.fem.factor import Factoriser
 from solvers.fem.surface import boundary_facets
 
 REAL_PHASE = 1e-12
@@ -39,10 +40,10 @@ class BlochCell:
     """The cell's K and M split by the phase they carry: K(k) = sum over d of K_d exp(i k.d), d a lattice vector."""
 
     def __init__(self, system: System, lattice: Lattice) -> None:
-        self.scale, self.lattice = system.scale, lattice
+        self.scale, self.lattice, self._factorise = system.scale, lattice, Factoriser()
         pairs = periodic_nodes(system.mesh, lattice)
-        self.masters, self._follows = np.unique(pairs.master, return_inverse=True)
-        self._offset, compact = pairs.offset, self._follows
+        self.masters, self.follows = np.unique(pairs.master, return_inverse=True)
+        self.offset, compact = pairs.offset, self.follows
         self.dof = 3 * len(self.masters)
         unknown = (3 * compact[:, None] + np.arange(3)).ravel()
         offset = np.repeat(pairs.offset, 3, axis=0)
@@ -63,14 +64,35 @@ class BlochCell:
     def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
         """The `count` lowest Bloch frequencies at a wavevector (2,) in rad/m, ascending, Hz, every one counted."""
         pencil, multiplicity = self.pencil(np.asarray(wavevector, dtype=float))
-        return self.scale.frequency(lowest_pairs(pencil, count, multiplicity)[0][::multiplicity])
+        values, _ = lowest_pairs(pencil, count, multiplicity, self._factorise)
+        return self.scale.frequency(values[::multiplicity])
+
+    def turns(self, wavevector: FloatArray) -> ComplexArray:
+        """exp(i k.d) of every node, (n, 1, 1), d from the node that leads it."""
+        return np.asarray(np.exp(1j * self.offset @ self.lattice.phases(wavevector)))[:, None, None]
+
+    def led(self, motion: ComplexArray) -> ComplexArray:
+        """Motions (dof, k) of the nodes that lead, from those of all, (3n, k)."""
+        return motion.reshape(len(self.follows), 3, -1)[self.masters].reshape(self.dof, -1)
+
+    def motion(self, wavevector: FloatArray, led: ComplexArray) -> ComplexArray:
+        """Motions (3n, k) of all nodes, from those of the nodes that lead, (dof, k)."""
+        parts = led.reshape(len(self.masters), 3, -1)[self.follows]
+        return np.asarray(self.turns(wavevector) * parts).reshape(3 * len(self.follows), -1)
+
+    def over(self, basis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Lattice vectors d (m, 2) and basis' K_d basis and basis' M_d basis (m, n, n)."""
+        stiff, heavy = (
+            np.array([_projected(matrix, basis) for matrix in each.values()]) for each in (self.stiffness, self.mass)
+        )
+        return np.array(list(self.stiffness), dtype=float), stiff, heavy
 
     def prolonged(self, coarser: BlochCell, transfer: sp.csr_array, wavevector: FloatArray) -> sp.csr_array:
         """The matrix from a coarser cell's pencil at a wavevector to this one's, by that of the fields of their nodes."""
         own = self.lattice.phases(wavevector)
-        phase = own @ coarser._offset.T
+        phase = own @ coarser.offset.T
         nodes, shape = np.arange(len(phase)), (len(phase), len(coarser.masters))
-        wave = (sp.csr_array((part(phase), (nodes, coarser._follows)), shape=shape) for part in (np.cos, np.sin))
+        wave = (sp.csr_array((part(phase), (nodes, coarser.follows)), shape=shape) for part in (np.cos, np.sin))
         re, im = (sp.kron(transfer[self.masters] @ part, sp.eye_array(3), format="csr") for part in wave)
         if _is_real(own):
             return sp.csr_array(re)
@@ -80,6 +102,12 @@ class BlochCell:
 def _is_real(phase: FloatArray) -> bool:
     """Whether waves of these phases across the cell are real."""
     return bool((np.abs(np.sin(phase)) < REAL_PHASE).all())
+
+
+def _projected(matrix: sp.csr_array, basis: FloatArray) -> FloatArray:
+    """basis' matrix basis, where many rows are empty."""
+    rows = np.flatnonzero(np.diff(matrix.indptr))
+    return np.asarray(basis[rows].T @ (matrix[rows] @ basis))
 
 
 def _by_phase(

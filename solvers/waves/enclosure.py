@@ -15,22 +15,21 @@ import scipy.sparse as sp
 from scipy.linalg import eigh
 
 from geometry.elements import ComplexArray, FloatArray
-from geometry.lattice import Lattice
 from solvers.fem.assembly import System, on_components
 from solvers.fem.factor import Factoriser
-from solvers.waves.bloch import periodic_nodes
+from solvers.waves.bloch import BlochCell
 
 APART = 1e-2  # relative distance of the eigenvalue above the bounded ones from them, at least
+ALIKE = 1e-14  # of the largest mass: what is rounding
 BELOW = 1e-4  # relative: how far it may at most lie below its approximation
 
 
 class Enclosure:
-    """The factor of K + s M, s the shift, of a cell whose sides move freely, and the ties of its nodes."""
+    """The factor of A = K + s M, s the shift, of a cell whose sides move freely, and the ties of its nodes."""
 
-    def __init__(self, system: System, lattice: Lattice, shift: float) -> None:
-        self.system, self.lattice, self.shift = system, lattice, shift
-        self.nodes = periodic_nodes(system.mesh, lattice)
-        self.alike = np.bincount(self.nodes.master)[self.nodes.master]
+    def __init__(self, system: System, cell: BlochCell, shift: float) -> None:
+        self.system, self.cell, self.shift = system, cell, shift
+        self.alike = np.bincount(cell.follows)[:, None, None]
         self.factor = Factoriser()(_shifted(system, shift))
 
     def rises(self, wavevector: FloatArray, motion: ComplexArray, values: FloatArray, count: int) -> FloatArray:
@@ -56,10 +55,8 @@ class Enclosure:
         ----------
         .. [1] goerisch1985 (docs/references.bib)
         """
-        left = self._shared(wavevector, motion, values)
-        parts = self.factor.solve(np.hstack([left.real, left.imag]))
-        solved = parts[:, : len(values)] + 1j * parts[:, len(values) :]
-        coupling = left.conj().T @ solved
+        left, answer = self._answered(wavevector, motion, values)
+        coupling = left.conj().T @ answer
         shifted, out = values + self.shift, np.full(count, np.inf)
         for top in range(count, len(values)):
             if values[top] < (1.0 + APART) * values[top - 1]:
@@ -71,16 +68,42 @@ class Enclosure:
             out = np.minimum(out, (own - lower)[:count])
         return np.maximum(out, 0.0)
 
-    def _shared(self, wavevector: FloatArray, motion: ComplexArray, values: FloatArray) -> ComplexArray:
-        """R' (3n, k): what the waves leave on tied nodes, in equal parts."""
-        master, system = self.nodes.master, self.system
-        turn = np.exp(1j * self.nodes.offset @ (self.lattice.vectors_m @ wavevector))[:, None]
-        parts = np.hstack([motion.real, motion.imag])
-        left = system.stiffness @ parts - on_components(system.mass, parts) * np.tile(values, 2)
-        left = (left[:, : len(values)] + 1j * left[:, len(values) :]).reshape(len(master), -1)
-        tied = np.zeros_like(left)
-        np.add.at(tied, master, turn.conj() * left)
-        return np.asarray(turn / self.alike[:, None] * tied[master]).reshape(motion.shape)
+    def nearer(self, wavevector: FloatArray, motion: ComplexArray, values: FloatArray) -> ComplexArray:
+        """Combine approximate waves with A^-1 R', averaged over tied nodes, to ones that lie nearer to those of the mesh.
+
+        Parameters and returns as `rises`, the motions of as many Ritz vectors.
+        """
+        _, answer = self._answered(wavevector, motion, values)
+        space = np.hstack([motion, self._shared(wavevector, answer)])
+        space = space / np.linalg.norm(space, axis=0)
+        stiff, heavy = (space.conj().T @ image for image in self._images(space))
+        size, turn = eigh(heavy)
+        kept = size > ALIKE * size[-1]
+        turn = turn[:, kept] / np.sqrt(size[kept])
+        _, mix = eigh(turn.conj().T @ stiff @ turn)
+        return np.asarray(space @ (turn @ mix[:, : len(values)]))
+
+    def _images(self, motion: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """K and M times motions, (3n, k) each."""
+        parts, system = np.ascontiguousarray(motion).view(float), self.system
+        stiff, heavy = np.asarray(system.stiffness @ parts), on_components(system.mass, parts)
+        return stiff.view(complex), heavy.view(complex)
+
+    def _answered(
+        self, wavevector: FloatArray, motion: ComplexArray, values: FloatArray
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """R' and A^-1 R', (3n, k): what the waves leave, shared out over tied nodes, and the cell's answer to it."""
+        stiff, heavy = self._images(motion)
+        left = self._shared(wavevector, stiff - heavy * values)
+        return left, np.ascontiguousarray(self.factor.solve(left.view(float))).view(complex)
+
+    def _shared(self, wavevector: FloatArray, field: ComplexArray) -> ComplexArray:
+        """A field (3n, k) whose tied nodes have equal parts of their sum, but for their phases."""
+        cell, turn = self.cell, self.cell.turns(wavevector)
+        own = np.asarray(turn.conj() * field.reshape(len(turn), 3, -1))
+        total = np.zeros((len(cell.masters), *own.shape[1:]), dtype=complex)
+        np.add.at(total, cell.follows, own)
+        return np.asarray(turn * (total / self.alike)[cell.follows]).reshape(field.shape)
 
 
 def _shifted(system: System, shift: float) -> sp.csc_array:

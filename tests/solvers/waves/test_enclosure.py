@@ -37,10 +37,8 @@ def test_waves_of_the_mesh_lie_between_the_bounds_and_disturbed_ones(place: tupl
     strange = np.linalg.solve(stiffness, load)
     trial = waves + amount * strange / np.sqrt((strange.conj() * (mass @ strange)).sum(axis=0).real)
     values, turn = eigh(trial.conj().T @ stiffness @ trial, trial.conj().T @ mass @ trial)
-    bounds = Enclosure(system, lattice, 0.1 * float(exact[COUNT]))
-    phase = np.exp(1j * bounds.nodes.offset @ (lattice.vectors_m @ k))
-    follows = np.searchsorted(cell.masters, bounds.nodes.master)
-    motion = (phase[:, None, None] * (trial @ turn).reshape(-1, 3, TRIALS)[follows]).reshape(-1, TRIALS)
+    bounds = Enclosure(system, cell, 0.1 * float(exact[COUNT]))
+    motion = cell.motion(k, trial @ turn)
     rises, true = bounds.rises(k, motion, values, COUNT), (values - exact)[:COUNT]
     assert (true > 0.0).all() and (rises >= true).all() and (rises[0] < MARGIN * true[0])
 
@@ -48,6 +46,7 @@ def test_waves_of_the_mesh_lie_between_the_bounds_and_disturbed_ones(place: tupl
 def test_a_wave_with_others_at_its_frequency_up_to_the_last_has_no_bound() -> None:
     lines = np.linspace(0.0, PITCH_M, 3) - PITCH_M / 2.0
     mesh = hex_mesh(Boxes(lines, lines, np.array([0.0, 1e-3]), np.zeros((2, 2, 1), dtype=int), ("plate",)), 1)
-    bounds = Enclosure(assemble(mesh, {"plate": MATERIALS["aluminium"]}), Lattice((PITCH_M, 0.0), (0.0, PITCH_M)), 1.0)
+    system = assemble(mesh, {"plate": MATERIALS["aluminium"]})
+    bounds = Enclosure(system, BlochCell(system, Lattice((PITCH_M, 0.0), (0.0, PITCH_M))), 1.0)
     waves = np.linalg.qr(np.random.default_rng(1).standard_normal((mesh.dof, 3)))[0].astype(complex)
     assert np.isinf(bounds.rises(np.array([1.0, 2.0]), waves, np.array([1.0, 2.0, 2.001]), 2)).all()
