@@ -6,7 +6,8 @@
 #define AN_TWO_PI 6.2831853f
 #define AN_UPDATE_RATE 6.0f    /* per tau: a memory of tau / 6, in which a released plate covers a sixth of its way */
 #define AN_UNSEEN 2.0f         /* times gains->most: there is no estimate yet */
-#define AN_LOOKAHEAD 2.0f      /* steps from the middle of the data to the end of the next answer */
+#define AN_LOOKAHEAD 2.6f      /* two steps from the middle of the data to the end of the next answer, and what the margins below
+                                * hide of a lift; with 3.2 a plate of Q 30 is braked so hard that it swings back */
 #define AN_DRIVE_ERROR 0.02f   /* relative uncertainty of the drive, from its timing and from the gain of the mode */
 #define AN_NOISE_SIGMAS 6.0f   /* a decrease must exceed this many standard deviations */
 #define AN_NEAR_RATIO 0.5f     /* amplitude over reference, or its inverse; farther apart, no finger is lifting */
