@@ -45,7 +45,9 @@ def test_bands_answer_the_pointer_in_the_place_of_their_still_picture(
     seen = visit(as_cell(tmp_path, synthetic.bands(0.004)))
     frame = seen.page.frame_locator("iframe")
     frame.locator("#dispersion-all").click()
-    frame.locator("#dispersion-diagram .wave").nth(40).hover(force=True)
+    wave = frame.locator("#dispersion-diagram .wave").nth(40)
+    wave.wait_for()
+    wave.hover(force=True)
     assert "rad/m" in frame.locator(".tip").inner_text() and not seen.page.locator("img").is_visible()
     assert not seen.faults
 
