@@ -57,7 +57,7 @@ def seen(browser: Any, tmp_path: Path) -> Any:
     contexts = []
 
     def open_page(port: Any) -> Any:
-        file = tmp_path / "watch.html"
+        file = tmp_path / f"watch-{len(contexts)}.html"
         assert main(["page", str(file)]) == 0
         context = browser.new_context(viewport={"width": 760, "height": 900})
         contexts.append(context)
