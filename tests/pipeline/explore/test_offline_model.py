@@ -125,7 +125,9 @@ def require_same(explorer: Explorer, given: Design, theirs: dict[str, Any]) -> N
     for name in NUMBERS:
         assert other[name] == (plate[name] if plate[name] is None else pytest.approx(plate[name], rel=SAME)), name
     for name in LEVELS:
-        assert other[name] == (plate[name] if plate[name] is None else pytest.approx(plate[name], abs=SAME)), name
+        assert other[name] == (
+            plate[name] if plate[name] is None else pytest.approx(plate[name], rel=SAME, abs=SAME)
+        ), name
     for mine, mode in zip(plate["others"], other["others"], strict=True):
         assert mode == {
             name: value if value is None else pytest.approx(value, rel=SAME) for name, value in mine.items()
