@@ -34,7 +34,7 @@ MODES = 3  # times the number of bands: fixed-interface modes
 SPARE = 4  # waves sampled above those requested: one of them at least lies apart from the bands
 SHIFT = 0.1  # of the highest band's eigenvalue: what holds the cell whose sides move freely
 BETWEEN = 1.5  # error at any wavevector over the largest of those checked
-AT_ONCE, ROUNDS = 6, 6  # wavevectors that join the samples together, and how often
+AT_ONCE, ROUNDS = 6, 6  # wavevectors that join the samples together, and how often errors are bounded at most
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ class Enclosure:
     def nearer(self, wavevector: FloatArray, motion: ComplexArray, values: FloatArray) -> ComplexArray:
         """Combine approximate waves with A^-1 R', averaged over tied nodes, to ones that lie nearer to those of the mesh.
 
-        Parameters and returns as `rises`, the motions of as many Ritz vectors.
+        Parameters as for `rises`. Returns as many motions (3n, k), M-orthonormal.
         """
         _, answer = self._answered(wavevector, motion, values)
         space = np.hstack([motion, self._shared(wavevector, answer)])

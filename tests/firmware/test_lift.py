@@ -7,9 +7,7 @@ import pytest
 from firmware import closed_loop
 
 NEAR_LEAST = 1.15  # times the least possible peak, where that exceeds closed_loop.PEAK_MOST
-BETWEEN = (
-    1.26  # between the table's lines (docs/board/loop.md), where the finger holds the plate just below the reference
-)
+BETWEEN = 1.26  # stated in docs/board/loop.md for fingers that hold the plate just below the reference
 
 
 @pytest.mark.slow
