@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from firmware.emulate.plant import Beam, Structure, measured_table
+from firmware.emulate.plant import Beam, measured_table
 from firmware.host.hosted import HostedSix
-from firmware.injection_jobs import DAMPED, LIFT_STEPS, LIFTED_MOST, LIFTED_S, NEAR, STIFFER
+from firmware.injection_jobs import LIFT_STEPS, LIFTED_MOST, LIFTED_S, NEAR, STIFFER
 from firmware.injection_rig import FLIPPED_FURTHER, FURTHER, SIX_WORDS, TRIPS, Row, bits_of
 from firmware.injection_trials import Trial, break_one_of_six, breaking, flipping, image_rows
 from firmware.mode_table import ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, fault_names
+from firmware.six_lifts import pressed
 
 BEAM = Beam(noise=1e-3, quality_factor=15.0)
 LEVEL, STRIDE = 0.1, 17
-FINGER_M, ADDED = 0.06, 0.1  # where a finger rests, and its mass over the beam's
 FOLLOWED, TRIED = 12.0, 60.0  # time constants: a change, a try under a hand
 HEAVY, RINGING = 100.0, 60.0  # times the damping, of a beam of a quality factor that leaves every mode a frequency
 FOUND = 8.0  # time constants until the check of a retry has found a failed sensor
@@ -44,14 +44,6 @@ def held(beam: Beam = BEAM) -> HostedSix:
     if board.state != RUN:
         raise RuntimeError(f"the pattern is not held: faults {', '.join(fault_names(board.faults))}")
     return board
-
-
-def pressed(share: float) -> Structure:
-    """Beam under a finger that has a share of its full damping and mass."""
-    own = BEAM.structure
-    shapes = BEAM.shapes(np.array([FINGER_M]))[:, 0]
-    angular = own.angular / np.sqrt(1.0 + ADDED * share * shapes**2)
-    return replace(own, angular=angular, quality_factor=own.quality_factor / (1.0 + (DAMPED - 1.0) * share))
 
 
 def _follow(board: HostedSix, seconds: float) -> tuple[float, float]:
@@ -88,13 +80,13 @@ def _held_row(what: str, board: HostedSix, moments: int, stride: int, most: floa
 def lift_row(moments: int, stride: int) -> Row:
     """Row of a finger that lifts."""
     board = held()
-    board.beam.become(pressed(1.0))
+    board.beam.become(pressed(BEAM.structure))
     board.run(FOLLOWED * BEAM.slowest_s)
 
     def lift() -> float:
         peak = 0.0
         for step in range(1, LIFT_STEPS + 1):
-            board.beam.become(pressed(1.0 - step / LIFT_STEPS))
+            board.beam.become(pressed(BEAM.structure, 1.0 - step / LIFT_STEPS))
             peak = max(peak, _follow(board, LIFTED_S / LIFT_STEPS)[0])
         return peak
 

@@ -90,10 +90,10 @@ static void rest(an_application *app, const an_build *build)
     an_texture_end_stream(&app->texture);
 }
 
-/* Bound the time at full drive: after AN_FULL_DRIVE_S the drive is limited to AN_EASED for as long. */
+/* Bound the time of hard drive: after AN_FULL_DRIVE_S the drive is limited to AN_EASED for as long. */
 static void limit_full_drive(an_application *app, const an_moment *now, float passed_s)
 {
-    const float full_s = app->full_s + (now->limited && !app->eased ? passed_s : -passed_s);
+    const float full_s = app->full_s + (now->hard ? passed_s : -passed_s);
     app->full_s = full_s > 0.0f ? full_s : 0.0f;
     app->eased = app->full_s >= AN_FULL_DRIVE_S || (app->eased && app->full_s > 0.0f);
 }

@@ -21,8 +21,8 @@ typedef struct {
     an_retry retry;
     uint32_t looked; /* window of the last main-loop pass */
     float fade_s;    /* time left for the drives to fade out after a stop, 0: no stop is due */
-    float full_s;    /* time at full drive, minus the time below it, at least 0 */
-    bool eased;      /* full drive has lasted too long: the drive is limited to AN_EASED of its limit */
+    float full_s;    /* time of hard drive, minus the time below it, at least 0 */
+    bool eased;      /* hard drive has lasted too long: the drive is limited to AN_EASED of its limit */
     uint32_t worst_cycles; /* longest fast interrupt so far; written by the board */
     uint32_t slot;         /* selected set of measured values: 0, or the index of the shape */
     uint32_t chosen;       /* number of selections so far */
@@ -32,6 +32,7 @@ typedef struct {
 } an_application;
 
 #define AN_EASED 0.5f /* of the drive limit, and a quarter of its power */
+#define AN_HARD2 0.9f /* of the drive limit squared: a drive above it has nine tenths of the full power */
 
 enum { AN_SLOTS = 2 };
 _Static_assert((int)AN_SLOTS >= (int)AN_TABLE_SHAPES, "each shape has its slot");
@@ -40,6 +41,7 @@ _Static_assert((int)AN_SLOTS >= (int)AN_TABLE_SHAPES, "each shape has its slot")
 typedef struct {
     bool vacant;     /* the last posted job is active, so another may be prepared */
     bool limited;    /* the closed loop drives at its limit */
+    bool hard;       /* it drives above AN_HARD2 */
     an_job_kind job; /* active job */
     uint32_t faults; /* found by the interrupts */
     uint32_t window; /* number of the current window */

@@ -196,8 +196,12 @@ class Beam:
     @property
     def angular(self) -> Floats:
         """Angular frequencies of the modes, in rad/s."""
-        stiffness = math.sqrt(self.young_pa * self.thickness_m**2 / (12.0 * self.density_kg_m3))
-        return np.asarray((_clamped_roots(self.modes) / self.length_m) ** 2 * stiffness)
+        return np.asarray((_clamped_roots(self.modes) / self.length_m) ** 2 * self.stiffness)
+
+    @property
+    def stiffness(self) -> float:
+        """sqrt(EI/(rho A)), angular frequency over the square of the wavenumber, in m2/s."""
+        return math.sqrt(self.young_pa * self.thickness_m**2 / (12.0 * self.density_kg_m3))
 
     @property
     def slowest_s(self) -> float:
@@ -314,10 +318,10 @@ def dac_level(code: int) -> float:
     return (code - 2048) / 2047.0
 
 
-def measured_table(beam: Beam) -> bytes:
-    """Make a table with the beam's matrix as measured by the board; patterns: all sensors equal, only the first."""
+def measured_table(beam: Beam, *own: Pattern) -> bytes:
+    """Make a table with the beam's matrix as measured by the board; patterns, or: all sensors equal, only the first."""
     matrix = beam.matrix(beam.frequency_hz) * hold(beam.frequency_hz, beam.sample_rate_hz)
-    patterns = Pattern("all", (1.0,) * CHANNELS), Pattern("first", (1.0, *(0.0,) * (CHANNELS - 1)))
+    patterns = own or (Pattern("all", (1.0,) * CHANNELS), Pattern("first", (1.0, *(0.0,) * (CHANNELS - 1))))
     shape = Shape(beam.frequency_hz, beam.slowest_s, patterns, tuple(map(tuple, matrix.tolist())))
     return to_bytes(ModeTable(beam.sample_rate_hz, bytes(16), shapes=(shape,)))
 

@@ -8,6 +8,7 @@ import struct
 import numpy as np
 import pytest
 
+from firmware import six_lifts
 from firmware.client.client import BoardError, Client, describe
 from firmware.emulate.plant import Beam, BeamSimulation, _clamped_roots, measured_table
 from firmware.injection import (
@@ -21,17 +22,17 @@ from firmware.injection import (
     sensor_kinds,
 )
 from firmware.mode_table import VERSION, Mode, ModeTable, Pattern, Shape, to_bytes
-from firmware.protocol import FAULT, IDENTIFY, IDLE, PROTOCOL, RUN, Fault, Kind
+from firmware.protocol import FAULT, IDENTIFY, IDLE, PROTOCOL, RUN, Fault, Kind, fault_names
+from firmware.six_lifts import pressed
 
 TIM1, TIM8 = 0x40010000, 0x40010400
 BEAM = Beam(noise=1e-3)
-WAVELENGTH = 2.0 * np.pi / np.sqrt(2.0 * np.pi * 2400.0 / np.sqrt(210e9 * 1e-6 / 12.0 / 7850.0))
 QUICK = dataclasses.replace(BEAM, quality_factor=15.0)  # rings for a third of the time
 PATTERNS = (
     Pattern("left", (1, 0.5, 0, 0, 0, 0)),
     Pattern("middle", (0, 0, 1, 1, 0, 0)),
     Pattern("right", (0, 0, 0, 0, 0.5, 1)),
-    Pattern("wave", tuple(np.exp(-2j * np.pi * BEAM.places_m / WAVELENGTH).tolist())),
+    six_lifts.PATTERNS["travelling, even targets"],
 )
 
 
@@ -181,7 +182,7 @@ def test_confinement_left_middle_and_right_and_a_travelling_wave(hosted) -> None
             assert field[inside].min() > 0.58 * field[inside].max()
     board.run(0.05)
     phases = np.unwrap(np.angle(board.measured))
-    assert np.polyfit(BEAM.places_m, phases, 1)[0] == pytest.approx(-2.0 * np.pi / WAVELENGTH, rel=0.02)
+    assert np.polyfit(BEAM.places_m, phases, 1)[0] == pytest.approx(-2.0 * np.pi / six_lifts.WAVELENGTH_M, rel=0.02)
 
 
 def test_the_integrals_take_out_what_the_matrix_is_wrong_about(hosted) -> None:
@@ -416,13 +417,38 @@ def test_a_dead_sensor_is_noticed_however_little_is_target(hosted, reference: fl
     assert board.state == FAULT and board.faults == Fault.MISMATCH
 
 
-def pressed(structure, share: float):
-    """A finger at 60 mm: a quality factor of 8 instead of 50, and a mass of a tenth of the beam's there."""
-    shapes = BEAM.shapes(np.array([0.06]))[:, 0]
-    angular = structure.angular / np.sqrt(1.0 + 0.1 * share * shapes**2)
-    return dataclasses.replace(
-        structure, angular=angular, quality_factor=structure.quality_factor / (1.0 + 5.0 * share)
-    )
+@pytest.mark.parametrize(("share", "eased"), [(0.98, True), (0.9, False)])
+def test_a_drive_just_below_its_limit_is_bounded_like_full_drive(hosted, share: float, eased: bool) -> None:
+    """A finger that needs so much of it heats the patches as much; the largest reference alone lasts."""
+    board = hosted(table(matrix=seen_matrix()), BEAM)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 0, 1.0)
+    board.run(0.2)
+    board.app.slow.reference *= share / 0.9
+    board.run(0.2)
+    assert board.state == RUN and not board.app.slow.limited
+    board.app.base.full_s += 9.9
+    board.run(0.2)
+    assert board.state == RUN and board.app.base.eased == eased
+
+
+@pytest.mark.parametrize("name", six_lifts.PATTERNS)
+@pytest.mark.parametrize("finger", [0.0, 1.0])
+def test_an_eased_drive_holds_half_the_motion_and_takes_it_up_again(hosted, name: str, finger: float) -> None:
+    """Limit and targets fade together, or the sensors would differ from their targets."""
+    board = hosted(measured_table(BEAM, six_lifts.PATTERNS[name]), BEAM)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 0, 1.0)
+    board.run(0.2)
+    board.beam.become(pressed(BEAM.structure, finger))
+    board.run(0.5)
+    before = np.abs(board.measured).max()
+    for full_s, share in ((9.999, 0.5), (0.0, 1.0)):
+        board.app.base.full_s, board.app.base.eased = full_s, full_s > 0.0
+        board.run(0.3)
+        assert board.state == RUN, fault_names(board.faults)
+        assert np.abs(board.measured).max() == pytest.approx(share * before, rel=0.2)
+        assert np.abs(board.drives).max() < 1.01 * share * board.app.shape.drive_limit
 
 
 def warmed(structure, share: float):
@@ -448,41 +474,19 @@ def test_no_lift_overshoots_by_more_than_a_fifth(hosted, lift_s: float) -> None:
     assert board.state == RUN and peak < 1.2 * board.app.slow.reference
 
 
-# Of the largest travelling-wave ratio: `python -m pipeline.board.six_channels --points --frequency 2.4kHz`.
-TRAVELLING = Pattern("wave+", (-0.354 + 0.664j, 1, -0.8 - 0.596j, 0.287 + 0.953j, 0.353 - 0.934j, -0.73 + 0.07j))
-
-
-def lifted(board, lift_s: float, known_s: float = 1.0) -> float:
-    """Largest motion while a finger lifts; a loop that is warned gives its integrals up at once."""
-    peak = 0.0
-    for i in range(1, 101):
-        board.beam.become(pressed(BEAM.structure, max(1.0 - i * 1e-3 / lift_s, 0.0)))
-        board.run(1e-3)
-        peak = max(peak, np.abs(board.measured).max())
-        for z in board.app.slow.integral if i * 1e-3 >= known_s else ():
-            z.re = z.im = 0.0
-    return peak
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("lift_s", [2e-3, 5e-3, 50e-3])
-@pytest.mark.parametrize("pattern", [PATTERNS[3], TRAVELLING], ids=["even", "largest"])
-def test_a_finger_that_rests_on_a_travelling_wave_is_no_fault_nor_is_its_lift(
-    hosted, pattern: Pattern, lift_s: float
-) -> None:
+@pytest.mark.parametrize("lift_s", [2e-3, *(pytest.param(lift_s, marks=pytest.mark.slow) for lift_s in (5e-3, 50e-3))])
+@pytest.mark.parametrize("name", six_lifts.PATTERNS)
+def test_a_finger_that_rests_on_a_pattern_is_no_fault_nor_is_its_lift(hosted, name: str, lift_s: float) -> None:
     """Up to 1.2 times the reference, or within 1.15 of a loop that is warned when its first window has ended."""
-    board, targets = hosted(table(matrix=seen_matrix(), patterns=(pattern,)), BEAM), 0.1 * piloted(pattern)
-    board.run(5e-3)
-    assert board.lib.an_six_start(board.app, 0, 0.1)
-    board.run(0.2)
-    board.beam.become(pressed(BEAM.structure, 1.0))
-    board.run(1.2)
-    assert board.state == RUN and np.abs(board.measured - targets).max() < 0.03 * 0.1
-    with board.undone():
-        least = lifted(board, lift_s, 2e-3)
-    assert lifted(board, lift_s) < max(1.2 * 0.1, 1.15 * least)
-    board.run(0.5)
-    assert board.state == RUN and np.abs(board.measured - targets).max() < 0.03 * 0.1
+    pattern = six_lifts.PATTERNS[name]
+    peaks, least = zip(*six_lifts.peaks(pattern, lift_s), strict=True)
+    assert max(peaks) < max(1.2, 1.15 * max(least))
+    board = six_lifts.touched(pattern)
+    for change_s in (0.0, 0.5):
+        if change_s:
+            six_lifts.lifted(board, lift_s)
+        board.run(change_s)
+        assert board.state == RUN and np.abs(board.measured - 0.1 * piloted(pattern)).max() < 0.03 * 0.1
 
 
 @pytest.mark.slow

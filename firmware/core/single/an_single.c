@@ -382,11 +382,13 @@ uint32_t an_single_check(an_single *app)
 static an_moment moment(const an_application *base)
 {
     const an_single *app = (const an_single *)base;
+    const float most = app->mode.drive_limit;
     const an_moment now = {
         .vacant = an_handover_vacant(&app->slow.hand),
         .job = app->slow.jobs[app->slow.hand.active & 1u].kind,
         .faults = app->fast.faults | app->slow.hand.trips,
         .limited = an_single_is_limited(app),
+        .hard = base->supervisor.state == AN_STATE_RUN && an_abs2(app->slow.pi.drive) > AN_HARD2 * most * most,
         .window = app->fast.window.count,
         .window_hz = 1.0f / period_s(app),
     };

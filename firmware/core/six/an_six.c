@@ -652,6 +652,17 @@ static void follow(an_application *base)
     }
 }
 
+static bool drives_above(const an_six *app, float share2)
+{
+    const float limit2 = app->shape.drive_limit * app->shape.drive_limit;
+    for (uint32_t i = 0u; i < app->channels; i++) {
+        if (an_abs2(app->slow.drive[i]) > share2 * limit2) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static an_moment moment(const an_application *base)
 {
     const an_six *app = (const an_six *)base;
@@ -660,6 +671,7 @@ static an_moment moment(const an_application *base)
         .job = app->slow.jobs[app->slow.hand.active & 1u].kind,
         .faults = app->fast.faults | app->slow.hand.trips,
         .limited = base->supervisor.state == AN_STATE_RUN && app->slow.limited != 0u,
+        .hard = base->supervisor.state == AN_STATE_RUN && drives_above(app, AN_HARD2),
         .window = app->fast.window.count,
         .window_hz = 1.0f / period_s(app),
     };
@@ -685,14 +697,8 @@ static void trip(an_application *base, uint32_t faults)
 static bool fades(an_application *base)
 {
     an_six *app = (an_six *)base;
-    const float faded2 = AN_FADED2 * app->shape.drive_limit * app->shape.drive_limit;
     app->slow.fading = 1u;
-    for (uint32_t i = 0u; i < app->channels; i++) {
-        if (an_abs2(app->slow.drive[i]) > faded2) {
-            return true;
-        }
-    }
-    return false;
+    return drives_above(app, AN_FADED2);
 }
 
 /* A retry checks the plate at a low level first. */

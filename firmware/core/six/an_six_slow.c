@@ -45,9 +45,13 @@ an_six_job *an_six_slow_vacant(an_six_slow *slow)
 }
 
 /* From one pattern to another the loop continues; after any other job it starts from zero targets and integrals. */
-static void begin_track(an_six_slow *slow, an_job_kind kind_before)
+static void begin_track(an_six_slow *slow, an_job_kind kind_before, float drive_limit)
 {
-    for (uint32_t i = 0u; i < AN_SIX && kind_before != AN_JOB_TRACK; i++) {
+    if (kind_before == AN_JOB_TRACK) {
+        return;
+    }
+    slow->limit = drive_limit;
+    for (uint32_t i = 0u; i < AN_SIX; i++) {
         slow->target[i] = an_cplx(0.0f, 0.0f);
         slow->integral[i] = an_cplx(0.0f, 0.0f);
         slow->error[i] = an_cplx(0.0f, 0.0f);
@@ -56,10 +60,11 @@ static void begin_track(an_six_slow *slow, an_job_kind kind_before)
 
 static void take_job(an_six_slow *slow, an_six_fast *fast)
 {
-    begin_track(slow, slow->jobs[slow->hand.active & 1u].kind);
+    const an_six_job *job = &slow->jobs[slow->hand.posted & 1u];
+    begin_track(slow, slow->jobs[slow->hand.active & 1u].kind, job->drive_limit);
     slow->fading = 0u;
     slow->hand.active = slow->hand.posted;
-    an_clear_trips(&slow->hand, slow->jobs[slow->hand.active & 1u].clear, &fast->faults);
+    an_clear_trips(&slow->hand, job->clear, &fast->faults);
     an_clear(&slow->dwell, sizeof slow->dwell);
     slow->mismatched = 0u;
     for (uint32_t i = 0u; i < AN_SIX; i++) {
@@ -187,10 +192,11 @@ static void check_model(an_six_slow *slow, const an_six_job *job, float referenc
 /* Scale all drives by the same factor, so that the pattern keeps its shape. */
 static void limit(an_six_slow *slow, const an_six_job *job)
 {
+    slow->limit += job->soft * (job->drive_limit - slow->limit);
     const float size2 = largest2_of(slow->drive, job->channels);
-    slow->limited = size2 > job->drive_limit * job->drive_limit;
+    slow->limited = size2 > slow->limit * slow->limit;
     if (slow->limited != 0u) {
-        const float factor = job->drive_limit / __builtin_sqrtf(size2);
+        const float factor = slow->limit / __builtin_sqrtf(size2);
         for (uint32_t i = 0u; i < job->channels; i++) {
             slow->drive[i] = an_scale(slow->drive[i], factor);
         }

@@ -56,6 +56,7 @@ typedef struct {
     an_complex total[AN_SIX]; /* dwell: sums of the averaged windows ... */
     float energy[AN_SIX];     /* ... and of their squares */
     an_dwell dwell;
+    float limit;      /* of the drives: follows the job's as the targets follow theirs */
     uint32_t limited; /* nonzero: the last command was scaled down to the limit */
     an_complex error[AN_SIX]; /* smoothed over a time constant */
     uint32_t mismatched; /* doubts, up and down */
