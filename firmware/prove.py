@@ -20,7 +20,7 @@ SOURCES = {
     "fault": ("single/an_fast.c", "an_sine.c"),
     "six": ("six/an_six_fast.c", "an_sine.c"),
     "capture": ("an_capture.c",),
-    "texture": ("an_texture.c", "an_sine.c", "an_dds.c"),
+    "texture": ("an_texture.c", "an_sine.c", "an_dds.c", "an_bytes.c"),
 }
 EVA = "-eva -eva-precision 6 -eva-domains equality,symbolic-locations -eva-verbose 0 -kernel-verbose 0 -machdep gcc_x86_32 -c11"
 SPECIAL = "-warn-special-float none"  # infinity and NaN are values, not errors, until they become integers

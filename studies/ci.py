@@ -25,7 +25,7 @@ INSTALL_S, FETCH_S = 420.0, 120.0  # at most
 
 @dataclass(frozen=True)
 class Tool:
-    """A program that some tests need and pip does not install."""
+    """A program that some tests need and pip does not install, and its packages."""
 
     package: str
     commands: tuple[str, ...]
@@ -42,6 +42,7 @@ TOOLS = (
     Tool("gcc-arm-none-eabi", ("arm-none-eabi-gcc",), "the firmware's tests of code that gcc compiles"),
     Tool("calculix-ccx", ("ccx",), "the frequencies of the meshes written for CalculiX"),
     Tool("frama-c-base", ("frama-c",), "the proofs of the firmware's core for every input"),
+    Tool("clang-19 llvm-19 libclang-rt-19-dev", ("llvm-cov-19",), "the conditions of the firmware's core (MC/DC)"),
     Tool("xvfb", ("Xvfb",), "the window of antinode view"),
 )
 
@@ -66,7 +67,7 @@ def install(tools: tuple[Tool, ...] = TOOLS) -> list[str]:
     if os.geteuid() == 0 and shutil.which("apt-get"):
         done = _called(["apt-get", "update", "-qq"], INSTALL_S)
         for tool in missing if done else ():
-            _called(["apt-get", "install", "-y", "-qq", "--no-install-recommends", tool.package], INSTALL_S)
+            _called(["apt-get", "install", "-y", "-qq", "--no-install-recommends", *tool.package.split()], INSTALL_S)
         why = "apt could not install it" if done else "apt-get update failed"
     return [f"skipped: {tool.tests} ({tool.package}: {why})" for tool in missing if not tool.is_there]
 

@@ -1,7 +1,6 @@
 #include "an_application.h"
 
 #include "an_bytes.h"
-#include "an_clear.h"
 #include "an_wire.h"
 
 #define AN_FULL_DRIVE_S 10.0f

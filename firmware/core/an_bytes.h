@@ -1,4 +1,4 @@
-/* Little-endian numbers in byte arrays of any alignment. */
+/* Little-endian numbers in byte arrays of any alignment, and objects as bytes. */
 #ifndef AN_BYTES_H
 #define AN_BYTES_H
 
@@ -50,19 +50,10 @@ static inline uint8_t *an_put32(uint8_t *at, uint32_t value)
 }
 
 /* Copy an object whose layout is that of the bytes (an_wire.h), of any alignment. */
-static inline uint8_t *an_put_object(uint8_t *at, const void *object, size_t bytes)
-{
-    const uint8_t *from = object;
-    for (size_t i = 0u; i < bytes; i++) {
-        at[i] = from[i];
-    }
-    return at + bytes;
-}
+uint8_t *an_put_object(uint8_t *at, const void *object, size_t bytes);
+void an_get_object(void *object, const uint8_t *at, size_t bytes);
 
-static inline void an_get_object(void *object, const uint8_t *at, size_t bytes)
-{
-    an_put_object(object, at, bytes);
-}
+void an_clear(void *object, size_t bytes);
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "objects are copied as they are");
 

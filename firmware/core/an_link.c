@@ -2,7 +2,6 @@
 
 #include "an_assert.h"
 #include "an_bytes.h"
-#include "an_clear.h"
 #include "an_crc.h"
 
 enum { LOG_RECORD = sizeof(an_record), CAPTURE_WORDS = 56 };

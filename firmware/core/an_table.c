@@ -22,8 +22,10 @@ static const a_bound header_bounds[] = {AN_HEADER_BOUNDS};
 static const a_bound mode_bounds[] = {AN_MODE_BOUNDS};
 static const a_bound shape_bounds[] = {AN_SHAPE_BOUNDS};
 
+#define AN_SHARED __attribute__((noinline)) /* called often: inlined, a table of sixteen modes would not fit */
+
 /* Check the bounds of a float; false for a NaN. */
-static bool within(const uint8_t *at, float low, float high)
+static AN_SHARED bool within(const uint8_t *at, float low, float high)
 {
     const float value = an_get_float(at);
     return value >= low && value <= high;
@@ -42,7 +44,7 @@ static bool all_within(const uint8_t *row, const a_bound *bounds, size_t count)
 #define ALL_WITHIN(row, bounds) all_within((row), (bounds), sizeof(bounds) / sizeof *(bounds))
 
 /* Check a row of complex numbers: real and imaginary parts up to high in magnitude where in use, zero elsewhere. */
-static bool row_within(const uint8_t *at, uint32_t in_use, float high)
+static AN_SHARED bool row_within(const uint8_t *at, uint32_t in_use, float high)
 {
     for (uint32_t i = 0u; i < 2u * AN_CHANNELS; i++) {
         const float limit = i < 2u * in_use ? high : 0.0f;

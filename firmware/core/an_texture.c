@@ -3,7 +3,7 @@
 #include <stdatomic.h>
 
 #include "an_assert.h"
-#include "an_clear.h"
+#include "an_bytes.h"
 #include "an_dds.h"
 #include "an_sine.h"
 

@@ -1,4 +1,4 @@
-#include "an_clear.h"
+#include "an_bytes.h"
 #include "board.h"
 #include "registers.h"
 

@@ -2,10 +2,10 @@
 
 #include <stdatomic.h>
 
-#include "an_clear.h"
+#include "an_bytes.h"
 #include "an_complex.h"
-#include "an_wire.h"
 #include "an_sincos.h"
+#include "an_wire.h"
 
 void an_fast_init(an_fast *fast, uint32_t step)
 {

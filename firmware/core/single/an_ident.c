@@ -1,6 +1,6 @@
 #include "an_ident.h"
 
-#include "an_clear.h"
+#include "an_bytes.h"
 #include "an_complex.h"
 #include "an_dds.h"
 #include "an_fast.h"

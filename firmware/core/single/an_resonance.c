@@ -1,6 +1,6 @@
 #include "an_resonance.h"
 
-#include "an_clear.h"
+#include "an_bytes.h"
 #include "an_complex.h"
 #include "an_linear.h"
 

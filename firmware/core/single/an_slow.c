@@ -3,8 +3,8 @@
 #include <stdatomic.h>
 
 #include "an_assert.h"
+#include "an_bytes.h"
 #include "an_check.h"
-#include "an_clear.h"
 #include "an_complex.h"
 #include "an_wire.h"
 

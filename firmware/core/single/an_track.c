@@ -1,7 +1,7 @@
 #include "an_track.h"
 
 #include "an_assert.h"
-#include "an_clear.h"
+#include "an_bytes.h"
 #include "an_complex.h"
 
 #define AN_TWO_PI 6.2831853f

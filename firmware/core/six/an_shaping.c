@@ -1,7 +1,7 @@
 #include "an_shaping.h"
 
 #include "an_assert.h"
-#include "an_clear.h"
+#include "an_bytes.h"
 #include "an_complex.h"
 #include "an_linear.h"
 

@@ -2,11 +2,10 @@
 
 #include "an_assert.h"
 #include "an_bytes.h"
-#include "an_clear.h"
 #include "an_complex.h"
 #include "an_dds.h"
-#include "an_wire.h"
 #include "an_sine.h"
+#include "an_wire.h"
 
 #define AN_HEADROOM 0.9f     /* of the drive limit, for the integrals */
 #define AN_PROBE_LEVEL 0.01f /* of the drive limit, first level for each actuator */

@@ -2,10 +2,10 @@
 
 #include <stdatomic.h>
 
-#include "an_clear.h"
+#include "an_bytes.h"
 #include "an_complex.h"
-#include "an_wire.h"
 #include "an_sincos.h"
+#include "an_wire.h"
 
 /* Unroll the loops over six channels: the loop instructions would take a fifth of the tick. */
 #if defined(__GNUC__) && !defined(__clang__)

@@ -1,6 +1,5 @@
 /* Host requests of the six-channel application. */
 #include "an_bytes.h"
-#include "an_clear.h"
 #include "an_dds.h"
 #include "an_six.h"
 
