@@ -500,7 +500,7 @@ def changed(raw: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     kept = {key: value for key, value in raw.items() if key not in tables}
     whole = kept | {name: plain(value) for name, value in tables.items() if value is not None}
     pairs = [(key_of(name, whole), plain(value)) for name, value in changes.items() if name not in tables]
-    check_exclusive([key for key, _ in pairs], "keywords")
+    check_exclusive(pairs, "keywords")
     return apply_overrides(whole, pairs)
 
 

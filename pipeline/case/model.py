@@ -367,7 +367,7 @@ def read_touch(values: CaseValues, design: Design) -> Touch | None:
 def load_case(path: str | Path, overrides: Iterable[Override] = ()) -> Case:
     """Load the case of a TOML file with overrides, "key.path=value" or (key, value); InputError lists every fault."""
     file, given = Path(path), tuple(overrides)
-    check_exclusive([key for key, _ in parsed(given)], "--set")
+    check_exclusive(parsed(given), "--set")
     return case_from_dict(read_case(file), source=file, overrides=given)
 
 

@@ -441,17 +441,22 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
     return result
 
 
-def exclusive(keys: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Yield the pairs of given keys of which the later one drops the earlier one."""
-    for number, key in enumerate(keys):
-        dropped = ALTERNATIVES.get(key, ())
-        yield from ((earlier, key) for earlier in dict.fromkeys(keys[:number]) if earlier in dropped)
+def exclusive(given: Iterable[tuple[str, Any]]) -> Iterator[tuple[str, str]]:
+    """Yield the pairs of given keys of which the later one, with its value or values, drops the earlier one."""
+    before: dict[str, None] = {}
+    for key, value in given:
+        dropped = {*ALTERNATIVES.get(key, ())}
+        for each in value if isinstance(value, list) else [value]:
+            if key == "pillar.shape" and isinstance(each, str) and each in SHAPES:
+                dropped |= {f"pillar.{name}" for name in _foreign_sizes(SHAPES[each])}
+        yield from ((earlier, key) for earlier in before if earlier in dropped)
+        before[key] = None
 
 
-def check_exclusive(keys: Sequence[str], place: str) -> None:
+def check_exclusive(given: Iterable[tuple[str, Any]], place: str) -> None:
     """Raise InputError with a line for each pair of given keys that exclude each other."""
     if lines := [
-        f"{place}: {' and '.join(pair)} exclude each other: give only one of them" for pair in exclusive(keys)
+        f"{place}: {' and '.join(pair)} exclude each other: give only one of them" for pair in exclusive(given)
     ]:
         raise InputError(lines)
 
@@ -574,9 +579,13 @@ def _split_pitch(raw: dict[str, Any]) -> None:
 
 def keep_sizes(raw: dict[str, Any], shape: type[PillarShape]) -> None:
     """Drop the sizes that only other shapes have."""
-    others = {key for other in SHAPES.values() for key in other.keys} - {*shape.keys}
-    for name in others if shape.has_height else others | {"height_mm"}:
+    for name in _foreign_sizes(shape):
         _drop(raw, f"pillar.{name}")
+
+
+def _foreign_sizes(shape: type[PillarShape]) -> set[str]:
+    others = {key for other in SHAPES.values() for key in other.keys} - {*shape.keys}
+    return others if shape.has_height else others | {"height_mm"}
 
 
 def _drop(raw: dict[str, Any], key: str) -> None:

@@ -91,9 +91,9 @@ class Outcome:
         """Return the --set texts that turn the file's design into the best one."""
         window = ["solve.band_kHz=[{!r},{!r}]".format(*self.window)] if self.window else []
         changes = [*self.space.overrides(self.best.point), *window]
-        keys = [key for key, _ in parsed([*self.space.fixed, *changes])]
-        dropped = {earlier for earlier, _ in exclusive(keys)}
-        kept = [text for text, key in zip(self.space.fixed, keys, strict=False) if key not in dropped]
+        given = parsed([*self.space.fixed, *changes])
+        dropped = {earlier for earlier, _ in exclusive(given)}
+        kept = [text for text, (key, _) in zip(self.space.fixed, given, strict=False) if key not in dropped]
         return [*kept, *changes]
 
     @property

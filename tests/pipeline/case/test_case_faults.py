@@ -226,6 +226,7 @@ def test_malformed_override(override):
         (["array.heights_mm=[6,6,6]", "pillar.height_mm=6"], "array.heights_mm and pillar.height_mm"),
         (["pillar.height_mm=6", "array.heights_mm=[6,6,6]"], "pillar.height_mm and array.heights_mm"),
         (["solve.near_kHz=30", "solve.band_kHz=[30,34]"], "solve.near_kHz and solve.band_kHz"),
+        (["pillar.side_mm=3", "pillar.shape=round", "pillar.diameter_mm=3"], "pillar.side_mm and pillar.shape"),
     ],
 )
 def test_of_two_given_keys_none_drops_the_other_in_silence(overrides, pair):

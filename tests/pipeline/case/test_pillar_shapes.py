@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from geometry.pillar_shapes import Square
-from pipeline.case.model import Case, load_case
+from pipeline.case.model import Case, case_from_dict, load_case, parsed, read_case
+from pipeline.case.reading import apply_overrides
 from pipeline.errors import InputError
 from pipeline.planning import simplifications
 from pipeline.planning.model_choice import cell_model_choice, model_choice_of
@@ -30,10 +31,7 @@ def case(*overrides: str) -> Case:
 
 def pathless(*overrides: str) -> Case:
     """The case without a path of its own."""
-    from pipeline.case.model import case_from_dict
-    from pipeline.case.reading import read_toml
-
-    raw = read_toml(CASE)
+    raw = read_case(CASE)
     del raw["bands"]
     return case_from_dict(raw, CASE, overrides)
 
@@ -49,8 +47,9 @@ def test_shapes_are_read_with_their_own_sizes() -> None:
 
 
 def test_another_shape_keeps_the_sizes_that_it_shares() -> None:
+    cross = apply_overrides(read_case(CASE), parsed(CROSS))
     for shapes in (("square",), ("hexagonal",), ("hexagonal", "square"), ("square", "hexagonal")):
-        pillar = case(*CROSS, *(f"pillar.shape={shape}" for shape in shapes)).design.pillar
+        pillar = case_from_dict(cross, CASE, [f"pillar.shape={shape}" for shape in shapes]).design.pillar
         assert pillar and (pillar.shape, pillar.base_m, pillar.more_m) == (shapes[-1], 2e-3, ())
 
 
