@@ -2,13 +2,14 @@
 
 The tests run once in a copy of the sources, with this module as a plugin of pytest, to record the lines that each of them runs:
 COVERING holds folder and file. Then each fault is planted alone, and only tests that run its lines are run, the quickest first.
-A fault is a sign, a factor, an index, a comparison, a dropped term, a guard or a tolerance.
+studies/faults.py draws the faults. Those of the firmware's core (`--folders firmware/core`) are judged by whole files of tests,
+whose lines gcov counts; one that does not compile is no fault.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
+import gzip
 import json
 import os
 import random
@@ -19,7 +20,6 @@ import tempfile
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -27,11 +27,13 @@ from typing import Any
 import pytest
 
 from pipeline.paths import ROOT
+from studies.faults import Fault, faults
 
 FOLDERS = ("solvers", "geometry", "pipeline/records", "pipeline/case")
 # of a run of tests: its start, and its time over that of the same tests without a fault
 START_S, PATIENCE = 120.0, 10.0
-KILLED, SURVIVED, UNSEEN = "killed", "SURVIVED", "no test runs it"
+KILLED, SURVIVED, UNSEEN, NONE = "killed", "SURVIVED", "no test runs it", "does not compile"
+COUNTING = {"ANTINODE_HOST_FLAGS": "--coverage -O0 -fprofile-update=single -UAN_CHECKED", "CC": "gcc"}
 
 Tests = dict[str, dict[str, Any]]
 
@@ -39,118 +41,11 @@ TRACED, TARGET = os.environ.get("COVERING", os.pathsep).split(os.pathsep)
 _lines: dict[str, set[int]] = defaultdict(set)
 _known: Tests = {}
 
-OPPOSITE: dict[type[ast.AST], type[ast.AST]] = {
-    ast.Add: ast.Sub,
-    ast.Sub: ast.Add,
-    ast.Lt: ast.LtE,
-    ast.LtE: ast.Lt,
-    ast.Gt: ast.GtE,
-    ast.GtE: ast.Gt,
-    ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-}
-FACTOR, LOOSER = 2, 1000
-SMALL = 1e-3  # a constant of a module below it is a tolerance
-
-
-@dataclass(frozen=True)
-class Fault:
-    """One change of a file, relative to the checkout: its span in characters, both texts, and the lines that run it."""
-
-    path: str
-    kind: str
-    span: tuple[int, int]
-    before: str
-    after: str
-    lines: tuple[int, ...]
-
-    def planted(self, text: str) -> str:
-        """The source with the fault."""
-        return text[: self.span[0]] + self.after + text[self.span[1] :]
-
-    def __str__(self) -> str:
-        """Where it is, and both texts in one line."""
-        before, after = (" ".join(text.split()) for text in (self.before, self.after))
-        return f"{self.path}:{self.lines[0]}: {self.kind}: {before} -> {after}"
-
-
-def faults(path: str, text: str) -> Iterator[Fault]:
-    """Every fault that can be planted in a source, in no particular order."""
-    tree = ast.parse(text)
-    starts = [0]
-    for line in text.splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
-    rows = text.splitlines()
-
-    def span(node: ast.expr) -> tuple[int, int]:
-        ends = (node.lineno, node.col_offset), (node.end_lineno or 0, node.end_col_offset or 0)
-        first, last = (starts[n - 1] + len(rows[n - 1].encode()[:column].decode()) for n, column in ends)
-        return first, last
-
-    for node, kind, changed, lines in _changes(tree):
-        at = span(node)
-        yield Fault(path, kind, at, text[slice(*at)], f"({ast.unparse(changed)})", lines)
-
-
-def _changes(tree: ast.Module) -> Iterator[tuple[ast.expr, str, ast.expr, tuple[int, ...]]]:
-    """Nodes, what is wrong with each, the wrong node, and lines that run it."""
-    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
-    inside = {part: None for function in functions for part in ast.walk(function) if isinstance(part, ast.stmt)}
-    for statement in inside:
-        if not isinstance(statement, ast.FunctionDef | ast.ClassDef):
-            for node in _running(statement):
-                whole = node if hasattr(statement, "body") else statement
-                for kind, changed in _wrong(node):
-                    yield node, kind, changed, tuple(range(whole.lineno, (whole.end_lineno or 0) + 1))
-    for statement in tree.body:
-        value = getattr(statement, "value", None)
-        if isinstance(statement, ast.Assign) and isinstance(value, ast.Constant) and isinstance(value.value, float):
-            name, own = getattr(statement.targets[0], "id", ""), statement.lineno
-            uses = {n.lineno for n in ast.walk(tree) if isinstance(n, ast.Name) and n.id == name} - {own}
-            kind, factor = ("tolerance", LOOSER) if 0.0 < abs(value.value) < SMALL else ("factor", FACTOR)
-            yield value, kind, ast.Constant(value.value * factor), tuple(sorted(uses)) or (own,)
-
-
-def _running(node: ast.AST) -> Iterator[ast.expr]:
-    """Expressions of a statement itself, without annotations and texts."""
-    if isinstance(node, ast.JoinedStr):
-        return
-    if isinstance(node, ast.expr):
-        yield node
-    for name, value in ast.iter_fields(node):
-        if name != "annotation":
-            for child in value if isinstance(value, list) else [value]:
-                if isinstance(child, ast.AST) and not isinstance(child, ast.stmt | ast.excepthandler):
-                    yield from _running(child)
-
-
-def _wrong(node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
-    """Wrong forms of an expression."""
-    if isinstance(node, ast.BinOp) and not isinstance(node.left, ast.Constant | ast.JoinedStr):
-        if isinstance(node.op, ast.Add | ast.Sub):
-            yield "sign", ast.BinOp(node.left, OPPOSITE[type(node.op)](), node.right)  # type: ignore[arg-type]
-            yield "dropped term", node.left
-        elif isinstance(node.op, ast.Mult):
-            yield "dropped factor", node.left
-        elif isinstance(node.op, ast.Pow):
-            yield "dropped power", node.left
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and not isinstance(node.operand, ast.Constant):
-        yield "sign", node.operand
-    if isinstance(node, ast.Constant) and type(node.value) is float and node.value not in (0.0, float("inf")):
-        yield "factor", ast.Constant(node.value * FACTOR)
-    if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant) and type(node.slice.value) is int:
-        yield "index", ast.Subscript(node.value, ast.Constant(node.slice.value + 1), node.ctx)
-    if isinstance(node, ast.Compare) and type(node.ops[0]) in OPPOSITE:
-        operators = [OPPOSITE[type(node.ops[0])](), *node.ops[1:]]
-        yield "comparison", ast.Compare(node.left, operators, node.comparators)  # type: ignore[arg-type]
-    if isinstance(node, ast.BoolOp):
-        yield "guard", node.values[0]
-
 
 def of_folder(root: Path, folder: str) -> list[Fault]:
     """Every fault that can be planted in a folder below the checkout, or in a file, by file."""
     base = root / folder
-    found = [base] if base.is_file() else base.rglob("*.py")
+    found = [base] if base.is_file() else [*base.rglob("*.py"), *base.rglob("*.c")]
     files = sorted(path for path in found if "build" not in path.relative_to(root).parts)
     return [fault for path in files for fault in faults(str(path.relative_to(root)), path.read_text(encoding="utf-8"))]
 
@@ -200,8 +95,8 @@ def copied(target: Path) -> Path:
     return target
 
 
-def run_pytest(folder: Path, words: list[str], seconds: float | None = None, **more: str) -> int:
-    """The exit code of pytest on a copy; beyond a limit in seconds, that of failed tests."""
+def run_pytest(folder: Path, words: list[str], more: dict[str, str], seconds: float | None = None) -> int:
+    """The exit code of pytest on a copy, in an environment with more; beyond a limit in seconds, that of failed tests."""
     environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1", **more}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words]
     try:
@@ -213,11 +108,45 @@ def run_pytest(folder: Path, words: list[str], seconds: float | None = None, **m
 def recorded(folder: Path, tests: list[str]) -> Tests:
     """Tests that pass without a fault, with the seconds and the lines of each."""
     target = folder / "covering.json"
-    code = run_pytest(folder, ["-p", "studies.mutants", *tests], COVERING=f"{folder}{os.pathsep}{target}")
+    code = run_pytest(folder, ["-p", "studies.mutants", *tests], {"COVERING": f"{folder}{os.pathsep}{target}"})
     if not target.is_file():
         raise SystemExit(f"the tests ended with exit code {code} before any was recorded")
     known: Tests = json.loads(target.read_text())
     return known
+
+
+def gcov(folder: Path) -> Iterator[dict[str, Any]]:
+    """What gcov says about each source with counters in a folder."""
+    for counters in sorted(folder.rglob("*.gcda")):
+        subprocess.run(["gcov", "-b", "-j", str(counters)], cwd=folder, capture_output=True, check=True)
+    for packed in sorted(folder.glob("*.gcov.json.gz")):
+        yield from json.loads(gzip.decompress(packed.read_bytes()))["files"]
+
+
+def recorded_in_c(folder: Path, tests: list[str]) -> Tests:
+    """Files of the firmware's tests that pass without a fault, with the seconds of each and the core's lines that it runs."""
+    known: Tests = {}
+    for path in sorted(path for name in tests for path in _of_firmware(folder / name)):
+        with tempfile.TemporaryDirectory() as name:
+            begin = time.monotonic()
+            if run_pytest(folder, [str(path)], {"XDG_CACHE_HOME": name, **COUNTING}) == 0:
+                lines: dict[str, list[int]] = {}
+                for file in gcov(Path(name)):
+                    own = str(Path(file["file"]).relative_to(folder))
+                    lines[own] = [each["line_number"] for each in file["lines"] if each["count"]]
+                known[str(path.relative_to(folder))] = {"seconds": time.monotonic() - begin, "lines": lines}
+    return {name: each for name, each in known.items() if each["lines"]}
+
+
+def _of_firmware(path: Path) -> list[Path]:
+    return [path] if path.is_file() else list(path.rglob("firmware/test_*.py"))
+
+
+def compiles(folder: Path, cache: str) -> bool:
+    """Whether the core of a copy is still a program; the tests find it in the cache."""
+    words = [sys.executable, "-c", "from firmware.host import load; load()"]
+    more = {**os.environ, "PYTHONPATH": str(folder), "XDG_CACHE_HOME": cache}
+    return subprocess.run(words, cwd=folder, env=more, capture_output=True).returncode == 0
 
 
 def chosen_tests(fault: Fault, known: Tests, most_s: float) -> list[str]:
@@ -233,7 +162,7 @@ def chosen_tests(fault: Fault, known: Tests, most_s: float) -> list[str]:
 
 
 def judged(fault: Fault, folder: Path, known: Tests, most_s: float) -> str:
-    """KILLED, SURVIVED or UNSEEN: a fault planted in the copy, judged by its tests, and mended again."""
+    """KILLED, SURVIVED, UNSEEN or NONE: a fault planted in the copy, judged by its tests, and mended again."""
     names = chosen_tests(fault, known, most_s)
     if not names:
         return UNSEEN
@@ -241,7 +170,11 @@ def judged(fault: Fault, folder: Path, known: Tests, most_s: float) -> str:
     whole = path.read_text(encoding="utf-8")
     path.write_text(fault.planted(whole), encoding="utf-8")
     try:
-        return SURVIVED if run_pytest(folder, ["-x", *names], limit) == 0 else KILLED
+        with tempfile.TemporaryDirectory() as cache:
+            if path.suffix == ".c" and not compiles(folder, cache):
+                return NONE
+            more = {"XDG_CACHE_HOME": cache} if path.suffix == ".c" else {}
+            return SURVIVED if run_pytest(folder, ["-x", *names], more, limit) == 0 else KILLED
     finally:
         path.write_text(whole, encoding="utf-8")
 
@@ -261,24 +194,27 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=int(time.time()), help="that draws them; printed")
     parser.add_argument("--seconds", type=float, default=60.0, help="limit of the chosen tests' sum, without a fault")
     given = parser.parse_args(arguments)
-    empty = [name for name in given.folders if not of_folder(ROOT, name)]
+    every = {name: of_folder(ROOT, name) for name in given.folders}
+    empty = [name for name, own in every.items() if not own]
     if empty:
         parser.error(f"--folders: no source with a fault to plant in {', '.join(empty)}")
     print(f"seed {given.seed}", flush=True)
     score: Counter[tuple[str, str]] = Counter()
     with tempfile.TemporaryDirectory() as temporary:
         folder = copied(Path(temporary) / "copy")
-        known = recorded(folder, given.tests)
+        known: Tests = {}
+        for kind, record in ((".py", recorded), (".c", recorded_in_c)):
+            if any(fault.path.endswith(kind) for own in every.values() for fault in own):
+                known |= record(folder, given.tests)
         print(f"{len(known)} tests pass without a fault", flush=True)
-        for name in given.folders:
-            every = of_folder(ROOT, name)
-            for fault in random.Random(f"{given.seed} {name}").sample(every, min(given.count, len(every))):
+        for name, own in every.items():
+            for fault in random.Random(f"{given.seed} {name}").sample(own, min(given.count, len(own))):
                 verdict = judged(fault, folder, known, given.seconds)
                 score[place(fault.path), verdict] += 1
                 print(f"{verdict:16s}{fault}", flush=True)
     for name in sorted({name for name, _ in score}):
         killed, survived, unseen = (score[name, verdict] for verdict in (KILLED, SURVIVED, UNSEEN))
-        total = killed + survived + unseen
+        total = killed + survived + unseen or 1
         print(
             f"{name:20s}{killed:5d} of {total} killed ({killed / total:.0%}), {survived} survived, {unseen} run by no test"
         )

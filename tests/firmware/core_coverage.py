@@ -10,7 +10,6 @@ With `--conditions`, by clang 18 or later: every condition of a decision decides
 from __future__ import annotations
 
 import argparse
-import gzip
 import json
 import os
 import shutil
@@ -18,6 +17,8 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from studies.mutants import gcov
 
 TESTS = Path(__file__).parent
 NAMES = (
@@ -53,17 +54,14 @@ def run_tests(folder: Path, compiler: str, flags: str) -> None:
 def branches(folder: Path) -> dict[str, dict[tuple[int, int], bool]]:
     """Whether the branches of each source of the core are taken, by line and number there, in any of its objects."""
     result: dict[str, dict[tuple[int, int], bool]] = {}
-    for counters in sorted(folder.rglob("*.gcda")):
-        subprocess.run(["gcov", "-b", "-j", str(counters)], cwd=folder, capture_output=True, check=True)
-    for packed in sorted(folder.glob("*.gcov.json.gz")):
-        for file in json.loads(gzip.decompress(packed.read_bytes()))["files"]:
-            path = Path(file["file"])
-            if "core" not in path.parts:
-                continue
-            for line in file["lines"]:
-                for number, branch in enumerate(line["branches"]):
-                    own, place = result.setdefault(path.name, {}), (line["line_number"], number)
-                    own[place] = own.get(place, False) or branch["count"] > 0
+    for file in gcov(folder):
+        path = Path(file["file"])
+        if "core" not in path.parts:
+            continue
+        for line in file["lines"]:
+            for number, branch in enumerate(line["branches"]):
+                own, place = result.setdefault(path.name, {}), (line["line_number"], number)
+                own[place] = own.get(place, False) or branch["count"] > 0
     return result
 
 

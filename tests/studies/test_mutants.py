@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import ast
+import random
+import shutil
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
 from studies import mutants
-from studies.mutants import faults, of_folder
+from studies.faults import faults
+from studies.mutants import of_folder
 
 SOURCE = '''\
 LIMIT = 1e-9
@@ -25,6 +28,21 @@ def spring(k: float, x: float, é: float) -> float:
 def unused(a: float) -> float:
     return 2.5 * a
 '''
+SOURCE_IN_C = """\
+#define AN_HALF 0.5f /* a * b - c */
+
+static const float table[2] = {1.0f, -2.0f};
+
+float spring(float k, const float *x, bool held)
+{
+    AN_ASSERT(k > 0.0f && x[0] > 0.0f);
+    float force = 0.0f; /* x + y */
+    if (k > 1.0f && !held) {
+        force = -k * x[0] + AN_HALF;
+    }
+    return force;
+}
+"""
 TEST = """\
 from source import spring
 
@@ -68,6 +86,34 @@ def test_every_fault_is_another_program() -> None:
     assert by["comparison", "x > LIMIT"].after == "(x >= LIMIT)"
     assert by["index", "[k, x][0]"].after == "([k, x][1])"
     assert by["tolerance", "1e-9"].lines == (6,)  # where it is used
+
+
+def test_every_fault_in_c_is_in_a_function_and_no_assertion() -> None:
+    found = list(faults("source.c", SOURCE_IN_C))
+    assert Counter((fault.kind, fault.lines) for fault in found) == {
+        ("sign", (10,)): 2, ("dropped factor", (10,)): 1, ("dropped statement", (10,)): 1, ("index", (10,)): 1,
+        ("comparison", (9,)): 1, ("guard", (9,)): 2, ("factor", (9,)): 1, ("factor", (10,)): 1,
+    }  # fmt: skip
+    planted = {fault.planted(SOURCE_IN_C) for fault in found}
+    assert len(planted) == len(found) and SOURCE_IN_C not in planted
+    assert any("force = k * x[0] + AN_HALF;" in text for text in planted)
+
+
+@pytest.mark.slow
+def test_faults_in_c_are_judged_by_files_of_tests(tmp_path: Path) -> None:
+    """A wrong sign in the sine is seen, a comparison of equal values is none, and a name that is not there no fault."""
+    if not shutil.which("gcov") or not shutil.which("gcc"):
+        pytest.skip("gcc and gcov are not installed: they count")
+    folder, path = mutants.copied(tmp_path / "copy"), "firmware/core/an_sine.c"
+    known = mutants.recorded_in_c(folder, ["tests/firmware/test_sine.py"])
+    assert list(known) == ["tests/firmware/test_sine.py"] and known["tests/firmware/test_sine.py"]["lines"][path]
+    text = (folder / path).read_text()
+    own = [fault for fault in faults(path, text) if fault.kind == "sign"]
+    fault = random.Random(1).choice(own)
+    assert mutants.judged(fault, folder, known, 60.0) == mutants.KILLED
+    broken = type(fault)(path, "sign", fault.span, fault.before, " nothing ", fault.lines)
+    assert mutants.judged(broken, folder, known, 60.0) == mutants.NONE
+    assert (folder / path).read_text() == text
 
 
 @pytest.mark.slow
