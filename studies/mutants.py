@@ -3,7 +3,7 @@
 The tests run once in a copy of the sources, with this module as a plugin of pytest, to record the lines that each of them runs:
 COVERING holds folder and file. Then each fault is planted alone, and only tests that run its lines are run, the quickest first.
 studies/faults.py draws the faults. Those of the firmware's core (`--folders firmware/core`) are judged by whole files of tests,
-whose lines gcov counts; one that does not compile is no fault.
+whose lines gcov counts; those that do not compile are left out.
 """
 
 from __future__ import annotations
