@@ -109,18 +109,25 @@ class Fault(IntFlag):
 
 
 class FaultText(NamedTuple):
-    """What a fault means, and what to check."""
+    """What a fault means, what to check, and whether `clear` leaves it."""
 
-    meaning: str
+    cause: str
     check: str
+    clears: bool = True
+
+    @property
+    def meaning(self) -> str:
+        """The cause, with a note if `clear` does not leave it."""
+        return self.cause if self.clears else f"{self.cause} (not clearable)"
 
 
 FAULTS = {
-    Fault.TABLE: FaultText("no valid mode table (not clearable)", "`antinode doctor table FILE`, upload another"),
+    Fault.TABLE: FaultText("no valid mode table", "`antinode doctor table FILE`, upload another", clears=False),
     Fault.CLOCK: FaultText(
-        "crystal, PLL or overdrive did not start (not clearable); the chip runs from its own oscillator, 1 % accurate, "
+        "crystal, PLL or overdrive did not start; the chip runs from its own oscillator, 1 % accurate, "
         "to keep the serial line",
         "the 8 MHz",
+        clears=False,
     ),
     Fault.NOT_FINITE: FaultText("a NaN or overflow was about to reach an output", "report it with the table"),
     Fault.SENSOR_CLIPPED: FaultText(

@@ -66,7 +66,7 @@ ST_LINK = 0x0483  # USB vendor number of the debugger on a Nucleo
 READ_BYTES = 256
 BUSY_READS = 300  # consecutive full reads, 0.8 s of a line without a pause
 BUSY_S = 2.0  # time-out for the reply on a line that carries other data
-LASTING = {name for fault, text in FAULTS.items() if "not clearable" in text.meaning for name in fault_names(fault)}
+LASTING = {name for fault, text in FAULTS.items() if not text.clears for name in fault_names(fault)}
 OTHER_VERSION = "image and client may have different versions"
 
 

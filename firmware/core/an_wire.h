@@ -67,7 +67,7 @@ typedef enum {
 
 typedef enum {
     AN_FAULT_TABLE = 1 << 0, /* no valid mode table (not clearable) */
-    AN_FAULT_CLOCK = 1 << 1, /* crystal, PLL or overdrive did not start (not clearable); the chip runs from its own oscillator, 1 % accurate, to keep the serial line */
+    AN_FAULT_CLOCK = 1 << 1, /* crystal, PLL or overdrive did not start; the chip runs from its own oscillator, 1 % accurate, to keep the serial line (not clearable) */
     AN_FAULT_NOT_FINITE = 1 << 2, /* a NaN or overflow was about to reach an output */
     AN_FAULT_SENSOR_CLIPPED = 1 << 3, /* more than two samples of a window (six channels: of two) at the ends of the converter */
     AN_FAULT_SENSOR_OFFSET = 1 << 4, /* rest level a quarter of full scale from the middle */
