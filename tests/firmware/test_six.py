@@ -420,7 +420,7 @@ def test_a_dead_sensor_is_noticed_however_little_is_target(hosted, reference: fl
 @pytest.mark.parametrize(("share", "eased"), [(0.98, True), (0.9, False)])
 def test_a_drive_just_below_its_limit_is_bounded_like_full_drive(hosted, share: float, eased: bool) -> None:
     """A finger that needs so much of it heats the patches as much; the largest reference alone lasts."""
-    board = hosted(table(matrix=seen_matrix()), BEAM)
+    board = hosted(table(matrix=seen_matrix(), drive_limit=0.5), BEAM)
     board.run(5e-3)
     assert board.lib.an_six_start(board.app, 0, 1.0)
     board.run(0.2)

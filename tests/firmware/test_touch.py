@@ -624,7 +624,7 @@ def test_full_drive_lasts_ten_seconds_at_most(make) -> None:
 def test_a_drive_just_below_its_limit_is_bounded_like_full_drive(make) -> None:
     """It heats the patches as much; nine tenths of it last."""
     for share, eased in ((0.98, True), (0.9, False)):
-        rig = make(table=known(300.0, 0.8, amplitude_limit=0.9))
+        rig = make(table=known(300.0, 0.8, amplitude_limit=0.9, drive_limit=0.5))
         assert rig.start(share * 0.8 * DROOP * rig.app.mode.drive_limit)
         rig.run(9.0)
         assert not rig.app.base.eased and not rig.lib.an_single_is_limited(rig.pointer)
