@@ -1,7 +1,8 @@
 """Small faults that can be planted in a source: sign, factor, index, comparison, dropped term, guard or tolerance.
 
 Those of Python come from its syntax tree. Those of C come from its text, in functions written as in firmware/core: braces of a
-function in the first column, blanks around binary operators, one statement a line. Assertions are left alone.
+function in the first column, blanks around binary operators, one statement a line. Assertions are left alone, and
+comparisons that choose the larger or smaller of their values.
 """
 
 from __future__ import annotations
@@ -134,6 +135,7 @@ IN_C: dict[str, dict[str, str | None]] = {
     "factor": {r"\b\d+\.\d*(?=f\b)": None},
     "dropped statement": {r"(?m)^ +(?:[\w.>\[\]-]+ [-+*/&|^]?= .*|an_\w+\(.*\));$": ";"},
 }  # fmt: skip
+LARGER = re.compile(r"(\S+) [<>]=? (\S+) \? (?:\1 : \2|\2 : \1)")  # of equal values, either is the same
 COMMENT = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\])*"', re.S)
 FUNCTION = re.compile(r"^\{$.*?^\}$", re.S | re.M)
 CONSTANT = re.compile(r"^#define (\w+) .*?(\d+\.\d*(?:e-?\d+)?)f\b", re.M)
@@ -150,7 +152,8 @@ def _of_c(path: str, text: str) -> Iterator[Fault]:
             for form, after in forms.items():
                 for found in re.compile(form).finditer(code, *function.span()):
                     own = line(found.start())
-                    if "AN_ASSERT" not in code.splitlines()[own - 1]:
+                    row = code.splitlines()[own - 1]
+                    if "AN_ASSERT" not in row and not (kind == "comparison" and LARGER.search(row)):
                         wrong = str(float(found[0]) * FACTOR) if after is None else after
                         if wrong != found[0]:
                             yield Fault(path, kind, found.span(), found[0], wrong, (own,))

@@ -630,3 +630,16 @@ def test_a_drive_just_below_its_limit_is_bounded_like_full_drive(make) -> None:
         assert not rig.app.base.eased and not rig.lib.an_single_is_limited(rig.pointer)
         rig.run(2.0)
         assert rig.state == RUN and rig.app.base.eased == eased
+
+
+def test_a_new_reference_is_no_limit_cycle(make) -> None:
+    """The tracker waits for a steady plate again before it judges the balance."""
+    rig = make()
+    assert rig.start(0.2 * 0.8 * DROOP)
+    rig.run(0.3)
+    assert rig.app.track.unsteady == 0
+    rig.lib.an_single_set_reference(rig.pointer, 0.1 * 0.8 * DROOP)
+    rig.run(1e-3)
+    assert 0 < rig.app.track.unsteady <= rig.app.track.unsteady_most
+    rig.run(0.3)
+    assert rig.app.track.unsteady == 0 and rig.state == RUN

@@ -40,7 +40,7 @@ float spring(float k, const float *x, bool held)
     if (k > 1.0f && !held) {
         force = -k * x[0] + AN_HALF;
     }
-    return force;
+    return force < k ? force : k;
 }
 """
 TEST = """\
