@@ -7,6 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from firmware.client.client import Client
+from firmware.closed_loop import held_plate
+from tests.helpers.hosted_boards import Rig, RigPort
+
 WINDOW_HZ = 5000.0
 
 
@@ -57,3 +61,12 @@ def test_a_full_ring_takes_no_more(core, texture) -> None:
 def test_streams_without_a_time_are_refused(core, texture) -> None:
     for every in (0, 50001):
         assert not core.lib.an_texture_stream(texture, every)
+
+
+def test_the_client_learns_how_many_samples_were_taken(core) -> None:
+    """As many as there is room for; the rest is sent again."""
+    table, plate = held_plate(300.0)
+    client = Client(RigPort(Rig(table, plate)))
+    client.stream(200)
+    taken = [client.samples([0.5] * 50) for _ in range(30)]
+    assert taken[0] == 50 and taken[-1] == 0 and sum(taken) == pytest.approx(core.lib.AN_TEXTURE_ROOM, abs=2)
