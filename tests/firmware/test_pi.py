@@ -171,6 +171,13 @@ def test_lead_undoes_one_sample_the_delay_and_the_phase_of_the_gain(core) -> Non
     assert abs(lead - expected) < 2e-5
 
 
+def test_off_resonance_the_quadrature_takes_drive_as_well(core) -> None:
+    """V = (1 + j (w - w0) tau) U / G."""
+    for detuning_hz in (0.0, -300.0, 300.0):
+        turning = planned(core, 0.8, detuning_hz).turning
+        assert turning == pytest.approx(2.0 * math.pi * detuning_hz * TAU / 0.8, rel=1e-6)
+
+
 def test_neighbours_bound_the_gain_and_the_zero_stays_on_the_pole(core) -> None:
     free, bounded = planned(core, 0.8), planned(core, 0.8, proportional_max=2.0)
     assert free.law[0].proportional > 4.0 and bounded.law[0].proportional == 2.0
