@@ -29,7 +29,7 @@ import pytest
 from pipeline.paths import ROOT
 from studies.faults import Fault, faults
 
-FOLDERS = ("solvers", "geometry", "pipeline/records", "pipeline/case")
+FOLDERS = ("solvers", "geometry", "pipeline/records", "pipeline/case", "firmware/core")
 # of a run of tests: its start, and its time over that of the same tests without a fault
 START_S, PATIENCE = 120.0, 10.0
 KILLED, SURVIVED, UNSEEN, NONE = "killed", "SURVIVED", "no test runs it", "does not compile"
