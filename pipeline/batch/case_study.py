@@ -9,7 +9,7 @@ from typing import Any
 from pipeline.batch.job import Forecast, Job
 from pipeline.batch.study_file import StudyFile
 from pipeline.case.limits import warn_of_doubts
-from pipeline.case.model import Case, case_from_dict, load_case, read_case
+from pipeline.case.model import Case, case_from_dict, read_case
 from pipeline.case.reading import toml_text
 from pipeline.errors import InputError
 from pipeline.logs import Log, RunLog
@@ -84,9 +84,10 @@ def computer(study: StudyFile) -> Any:
 
 def compute(case_path: str, payload: dict[str, Any], folder: Path, log: RunLog) -> dict[str, Any]:
     """Compute the measures of a case; arrays go to the case's folder. Raises the errors of solvers and meshers."""
-    case = load_case(case_path, payload["overrides"])
+    path = Path(case_path)
+    case = case_from_dict(read_case(path), path, payload["overrides"])
     if case.to_dict() != payload["case"]:
-        raise InputError(f"{Path(case_path).name}: changed while the study was running; run the study again")
+        raise InputError(f"{path.name}: changed while the study was running; run the study again")
     warn_of_doubts(case.design, log)
     planned = asked.plan_of(case, payload["measure"])
     log.info(planned.text(), "PLAN")

@@ -239,7 +239,7 @@ def _read_sweep(table: Any, diagnostics: Diagnostics, paired: bool) -> tuple[dic
             diagnostics.add(f'sweep."{key}"', values, "must be a list of at least one value")
         elif not paired and len({toml_text(value) for value in values}) < len(values):
             diagnostics.add(f'sweep."{key}"', values, "must contain each value only once")
-    for first, second in exclusive(lists.items()):
+    for first, second in exclusive(lists.items(), paired):
         diagnostics.add(f'sweep."{second}"', lists[second], f"and {first} exclude each other: give only one of them")
     return {key: tuple(values) for key, values in lists.items() if isinstance(values, list) and values}, paired
 

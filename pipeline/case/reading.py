@@ -441,16 +441,22 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
     return result
 
 
-def exclusive(given: Iterable[tuple[str, Any]]) -> Iterator[tuple[str, str]]:
-    """Yield the pairs of given keys of which the later one, with its value or values, drops the earlier one."""
+def exclusive(given: Iterable[tuple[str, Any]], paired: bool = False) -> Iterator[tuple[str, str]]:
+    """Yield the pairs of given keys of which the later one, with its value or a list of them, drops the earlier one.
+
+    If lists are paired, only what each shape of a list drops has been given in vain.
+    """
     before: dict[str, None] = {}
     for key, value in given:
         dropped = {*ALTERNATIVES.get(key, ())}
-        for each in value if isinstance(value, list) else [value]:
-            if key == "pillar.shape" and isinstance(each, str) and each in SHAPES:
-                dropped |= {f"pillar.{name}" for name in _foreign_sizes(SHAPES[each])}
+        shapes = [each for each in (value if isinstance(value, list) else [value]) if each in (*SHAPES,)]
+        if key == "pillar.shape" and shapes:
+            foreign = [_foreign_sizes(SHAPES[each]) for each in shapes]
+            vain = set.intersection(*foreign) if paired else set.union(*foreign)
+            dropped |= {f"pillar.{name}" for name in vain}
         yield from ((earlier, key) for earlier in before if earlier in dropped)
-        before[key] = None
+        if value is not None:
+            before[key] = None
 
 
 def check_exclusive(given: Iterable[tuple[str, Any]], place: str) -> None:

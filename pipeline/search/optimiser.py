@@ -91,10 +91,10 @@ class Outcome:
         """Return the --set texts that turn the file's design into the best one."""
         window = ["solve.band_kHz=[{!r},{!r}]".format(*self.window)] if self.window else []
         changes = [*self.space.overrides(self.best.point), *window]
-        given = parsed([*self.space.fixed, *changes])
+        texts = [*self.space.fixed, *changes]
+        given = parsed(texts)
         dropped = {earlier for earlier, _ in exclusive(given)}
-        kept = [text for text, (key, _) in zip(self.space.fixed, given, strict=False) if key not in dropped]
-        return [*kept, *changes]
+        return [text for text, (key, _) in zip(texts, given, strict=True) if key not in dropped]
 
     @property
     def gain(self) -> float | None:

@@ -203,7 +203,7 @@ def space_of(case: Case, ranges: Sequence[Range]) -> Space:
     if CENTRE in keys and (own := sorted(keys & {*AXES})):
         faults.append(f"--vary {CENTRE}: cannot vary together with {own[0]}, which it moves, too")
     if not faults:
-        check_exclusive([(key, None) for key in found], "--vary")
+        check_exclusive([(key, ()) for key in found], "--vary")
     if faults:
         raise InputError(faults)
     return Space(case, tuple(variables))

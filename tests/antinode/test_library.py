@@ -264,6 +264,8 @@ def test_parts_are_printed_in_words() -> None:
         antinode.InputError, match=r"keywords: pillar\.height_mm and array\.heights_mm exclude each other"
     ):
         antinode.load("examples/small.toml", height_mm=6.0, heights_mm=[6.0])
+    round_ = antinode.load("examples/small.toml").with_(side_mm=None, shape="round", diameter_mm=2.0)
+    assert round_.pillar.diameter_mm == 2.0
 
 
 def test_a_sweeps_table_is_drawn_kept_and_read_again(tmp_path: Path) -> None:

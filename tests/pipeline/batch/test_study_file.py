@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.batch import study_file
 from pipeline.batch.study_file import STUDIES, load_study
-from pipeline.case.model import load_case
+from pipeline.case.model import case_from_dict, load_case, read_case
 from pipeline.case.reading import toml_text
 from pipeline.errors import InputError
 
@@ -63,6 +63,21 @@ def test_full_grid_last_key_fastest(study):
 def test_zip_pairs_the_lists(study):
     loaded = load_study(study('[sweep]\nzip = true\n"array.rows" = [1, 2]\n"array.extension_mm" = [5, 25]\n'))
     assert [case_id for case_id, _ in loaded.cases()] == ["rows=1,extension_mm=5", "rows=2,extension_mm=25"]
+
+
+def test_paired_lists_hold_the_sizes_of_each_shape(study):
+    """Each case has those of its own; without zip, cases of one shape would differ in a size that it lacks."""
+    lists = '"pillar.side_mm" = [2, 2.1]\n"pillar.diameter_mm" = [2.2, 2.3]\n"pillar.shape" = ["square", "round"]\n'
+    file = study(f"[sweep]\nzip = true\n{lists}")
+    raw, built = read_case(load_study(file).case_path), []
+    for _, overrides in load_study(file).cases():
+        pillar = case_from_dict(raw, None, overrides).design.pillar
+        built.append((pillar.shape, pillar.base_m))
+    assert built == [("square", 2e-3), ("round", 2.3e-3)]
+    with pytest.raises(InputError, match=r"pillar\.side_mm exclude each other"):
+        load_study(study(f"[sweep]\n{lists}"))
+    with pytest.raises(InputError, match=r"pillar\.side_mm exclude each other"):
+        load_study(study('[sweep]\nzip = true\n"pillar.side_mm" = [2, 3]\n"pillar.shape" = ["round", "step"]\n'))
 
 
 def test_dotted_keys_without_quotes(study):

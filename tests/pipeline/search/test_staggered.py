@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,9 +16,10 @@ from pipeline.models.broadband import broadband
 from pipeline.paths import STUDIES
 from pipeline.planning.mesh_rules import target_window_hz
 from pipeline.planning.model_choice import cell_model_choice
+from pipeline.questions.search import SearchResult
 from pipeline.search import fidelity, optimiser
 from pipeline.search.fidelity import COLUMN, EvaluationCache, FidelityResult, evaluate
-from pipeline.search.optimiser import Settings
+from pipeline.search.optimiser import Outcome, Settings
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.searching import read_space
 
@@ -40,6 +42,19 @@ def test_staggered_rows_are_chosen_where_they_stop_the_wider_band(
     outcome = optimiser.search(space, Settings("widest"), RecordingLog(), EvaluationCache(tmp_path))
     assert outcome.best.set == {"array.stagger": "true"} and outcome.gain == 2.0 and outcome.by_fidelity[COLUMN]
     assert outcome.repeat[-1] == "array.stagger=true"
+
+
+def test_a_shape_that_was_chosen_repeats_without_the_sizes_of_the_others() -> None:
+    space = read_space(
+        CASE, SMALL, ["pillar.side_mm=1.8:2.2", "pillar.diameter_mm=1.8:2.2", "pillar.shape=square:round"]
+    )
+    best = SimpleNamespace(point=(2.0, 2.1, 1), set=space.written((2.0, 2.1, 1)))
+    outcome = SimpleNamespace(space=space, best=best, window=None)
+    repeat = Outcome.repeat.fget(outcome)
+    assert not [text for text in repeat if text.startswith("pillar.side_mm")]
+    pillar = load_case(CASE, repeat).design.pillar
+    assert pillar and pillar.shape == "round" and pillar.base_m == pytest.approx(2.1e-3)
+    assert SearchResult.changes.fget(outcome) == {"pillar__diameter_mm": 2.1, "pillar__shape": "round"}
 
 
 def test_shifted_rows_of_pillars_wider_than_half_a_pitch_are_refused_at_once() -> None:
