@@ -408,7 +408,7 @@ class Status:
 
     @property
     def eased(self) -> bool:
-        """True if the drive is limited to half after ten seconds at its limit."""
+        """True if the drive is limited to half after ten seconds at or near its limit."""
         return bool(self.flags & Flag.EASED)
 
 

@@ -3,8 +3,8 @@
 A finger on the clamped beam multiplies the damping by six and adds a tenth of the beam's mass at one place. The loop
 adapts; then damping and mass fall linearly. Motion is that of the beam at the sensors, over the largest target.
 
-The least possible motion is that of a loop that is warned: at the end of the first window of the lift it gives up its
-integrals, which compensate for the finger. No law that reads windows can do so earlier.
+The least possible motion is that of a loop that is warned: it gives up its integrals, which compensate for the finger, at the
+end of the first window in which the lift exceeds the noise SIGMAS times. No law that reads windows can do so earlier.
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from firmware.closed_loop import LIFTS_S, PAGE, PEAK_MOST, TOUCHED, write_into_page
+from firmware.closed_loop import LIFTS_S, PAGE, PEAK_MOST, SIGMAS, TOUCHED, write_into_page
 from firmware.emulate.plant import Beam, Structure, measured_table
 from firmware.host import NoCompiler
 from firmware.host.hosted import HostedSix
@@ -27,6 +29,7 @@ BEAM = Beam(noise=1e-3)
 FINGER_M, ADDED = 0.06, 0.1  # where a finger rests, and its mass over the beam's
 REFERENCE = 0.1
 STARTED_S, ADAPTS_S, STEP_S, AFTER_S = 0.2, 1.2, 0.5e-3, 50e-3
+SEEN = 40  # windows whose noise is seen
 MOMENTS = 4  # of a window at which the finger starts to lift
 WAVELENGTH_M = 2.0 * np.pi / np.sqrt(2.0 * np.pi * BEAM.frequency_hz / BEAM.stiffness)
 PATTERNS = {
@@ -68,8 +71,25 @@ def touched(pattern: Pattern) -> HostedSix:
     return board
 
 
-def lifted(board: HostedSix, lift_s: float, is_warned: bool = False) -> float:
-    """Largest motion over the reference while a finger lifts and shortly after.
+def shown(board: HostedSix) -> float:
+    """Share of the integrals that the sensors show on top of their targets."""
+    measured, target, integral = (
+        _complex(part) for part in (board.app.slow.measured, board.app.slow.target, board.app.slow.integral)
+    )
+    return float(np.real((measured - target) @ integral.conj()) / ((np.abs(integral) ** 2).sum() + 1e-9))
+
+
+def windows(board: HostedSix, count: int) -> Iterator[None]:
+    """Advance to the end of each of a number of windows."""
+    for _ in range(count):
+        board.tick()
+        while board.fast.tick:
+            board.tick()
+        yield
+
+
+def lifted(board: HostedSix, lift_s: float, warned: int = 0) -> tuple[float, list[float]]:
+    """Largest motion over the reference while a finger lifts and shortly after, and what each window shows of it.
 
     Parameters
     ----------
@@ -77,41 +97,47 @@ def lifted(board: HostedSix, lift_s: float, is_warned: bool = False) -> float:
         Adapted to the finger.
     lift_s : float
         Duration of the lift, in s.
-    is_warned : bool, optional
-        Whether the loop gives up its integrals at the end of the first window of the lift.
+    warned : int, optional
+        Number of the window at whose end the loop gives up its integrals, from 1; 0 leaves it alone.
 
     Returns
     -------
     float
+    list of float
 
     Raises
     ------
     RuntimeError
         If the application stops with a fault.
     """
-    peak, is_told = 0.0, not is_warned
+    peak, seen = 0.0, list[float]()
     for step in range(1, round((lift_s + AFTER_S) / STEP_S) + 1):
         board.beam.become(pressed(BEAM.structure, max(1.0 - step * STEP_S / lift_s, 0.0)))
         for _ in range(round(STEP_S * board.sample_rate_hz)):
-            board.tick()
-            peak = max(peak, float(np.abs(board.beam.pull @ board.beam.state.imag).max()))
-            if not is_told and board.fast.tick == 0:
-                is_told = True
+            if len(seen) == warned - 1 and board.fast.tick == board.fast.end - 1:  # the tick that ends the window
                 for integral in board.app.slow.integral:
                     integral.re = integral.im = 0.0
+            board.tick()
+            peak = max(peak, float(np.abs(board.beam.pull @ board.beam.state.imag).max()))
+            if board.fast.tick == 0:
+                seen.append(shown(board))
     _check(board)
-    return peak / REFERENCE
+    return peak / REFERENCE, seen
 
 
 def peaks(pattern: Pattern, lift_s: float) -> Iterator[tuple[float, float]]:
     """Largest motion and the least possible one for each moment of a window at which the lift starts."""
     board = touched(pattern)
+    with board.undone():
+        still = [shown(board) for _ in windows(board, SEEN)]
+    visible = np.mean(still) + SIGMAS * np.std(still)
     for _ in range(MOMENTS):
         board.run((board.app.window + board.lib.AN_SIX_GAP) * board.sample_s / MOMENTS)
         with board.undone():
-            least = lifted(board, lift_s, is_warned=True)
+            own, seen = lifted(board, lift_s)
+        first = next((number for number, share in enumerate(seen, 1) if share > visible), 0)
         with board.undone():
-            own = lifted(board, lift_s)
+            least, _ = lifted(board, lift_s, warned=first)
         yield own, least
 
 
@@ -128,6 +154,10 @@ def table() -> str:
 def _cell(pairs: list[tuple[float, float]]) -> str:
     own, least = (max(each) for each in zip(*pairs, strict=True))
     return f"{own:.2f}" + (f" ({least:.2f})" if least > PEAK_MOST else "")
+
+
+def _complex(values: Any) -> NDArray[np.complex128]:
+    return np.array([complex(z.re, z.im) for z in values])
 
 
 def _check(board: HostedSix) -> None:

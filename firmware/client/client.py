@@ -420,7 +420,7 @@ def describe(status: SingleStatus | SixStatus) -> str:
     if status.gave_up:
         faults += f", {given_up(status)}"
     if status.eased:
-        faults += ", drive limited to half after a long time at its limit"
+        faults += ", drive limited to half after ten seconds at or near its limit"
     if status.limited:
         faults += ", drive at its limit, reference not reached"
     lines = _six_lines(status) if isinstance(status, SixStatus) else _single_lines(status)

@@ -394,6 +394,18 @@ def test_six_channels_ease_their_drive_and_take_it_up_again(core) -> None:
     assert slow.reference == pytest.approx(0.1)  # no job, no other reference
 
 
+@pytest.mark.parametrize(
+    ("limit", "found"), [(0.5, 0), (math.nan, Fault.MEMORY), (0.0, Fault.MEMORY), (1.5, Fault.MEMORY)]
+)
+def test_a_damaged_limit_of_six_channels_is_found_with_the_next_sample(core, limit: float, found: int) -> None:
+    """It follows the job's, so that nothing else would renew it."""
+    linked = six_of(core, ROWS)
+    assert core.lib.an_six_start(linked.app, 0, 0.1)
+    linked.window()
+    linked.app.slow.limit = limit
+    assert core.lib.an_six_check(linked.app) == found
+
+
 def test_a_plate_that_decays_within_a_window_is_not_waited_for(core) -> None:
     linked = six_of(core, None, tau_s=1e-6)
     assert answer(linked, Kind.IDENTIFY) == OK

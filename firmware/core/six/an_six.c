@@ -594,8 +594,10 @@ static uint32_t check_job(const an_six *app)
     const an_six_job *job = &app->slow.jobs[app->slow.hand.active & 1u];
     const bool acts = fast->faults != 0u || fast->tick < AN_SIX_GAP || (fast->step == job->step && fast->end == AN_SIX_GAP + job->window &&
                                                   fast->acting == fast->command.bank);
-    const bool counts = fast->faults != 0u || job->kind != AN_JOB_TRACK || app->slow.mismatched <= job->patience + (uint32_t)AN_SIX_DOUBTS_MAX;
-    return acts && counts && an_handover_is_sound(&app->slow.hand) ? 0u : (uint32_t)AN_FAULT_MEMORY;
+    const bool rests = fast->faults != 0u || job->kind != AN_JOB_TRACK;
+    const bool counts = rests || app->slow.mismatched <= job->patience + (uint32_t)AN_SIX_DOUBTS_MAX;
+    const bool limits = rests || (app->slow.limit > 0.0f && app->slow.limit <= 1.0f);
+    return acts && counts && limits && an_handover_is_sound(&app->slow.hand) ? 0u : (uint32_t)AN_FAULT_MEMORY;
 }
 
 static uint32_t check_sensors(const an_six *app)

@@ -24,6 +24,10 @@
 #define AN_GROWN_LARGEST2 0.01f   /* ... plus this of the largest target */
 
 #define AN_LIFTED 0.1f      /* of the integrals, seen again as error: a finger has begun to lift */
+#define AN_LEAP 0.02f       /* of the integrals, seen within one window: it lifts at once ... */
+#define AN_LEAP_FLOOR2 6e-6f /* ... unless it is noise; squared, of full scale */
+#define AN_UNSHOWN (-0.03f) /* of a pattern at rest: what is below approaches it, no finger lifts */
+#define AN_LEAP_AHEAD 16.0f /* what the next window would show, over that */
 
 /* A window of two periods or more can measure any tone that a table may have. */
 void an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window)
@@ -218,8 +222,8 @@ static void invert(an_six_slow *slow, const an_six_job *job)
 }
 
 /* Share of the integrals to give up. They hold a steady pattern against a finger; once it has lifted, the sensors show
- * them on top of their targets. */
-static float relief(const an_six_slow *slow, const an_six_job *job, float reference)
+ * them on top of their targets. Within a window little of a sudden lift shows, and the next one comes too late. */
+static float relief(an_six_slow *slow, const an_six_job *job, float reference)
 {
     float shown = 0.0f;
     float held = AN_MISMATCH_FLOOR2;
@@ -233,7 +237,14 @@ static float relief(const an_six_slow *slow, const an_six_job *job, float refere
         size2 += an_abs2(target);
     }
     const float share = shown / held;
-    return way2 > AN_UNSTEADY2 * size2 || share < AN_LIFTED ? 0.0f : share < 1.0f ? share : 1.0f;
+    const float rise = share - slow->shown;
+    slow->shown = share > AN_UNSHOWN ? share : AN_UNSHOWN;
+    if (way2 > AN_UNSTEADY2 * size2) {
+        return 0.0f;
+    }
+    const bool leaps = rise > AN_LEAP && rise * rise * held > AN_LEAP_FLOOR2;
+    const float given = leaps ? AN_LEAP_AHEAD * rise : share > AN_LIFTED ? share : 0.0f;
+    return given < 1.0f ? given : 1.0f;
 }
 
 static void track(an_six_slow *slow, const an_six_job *job)

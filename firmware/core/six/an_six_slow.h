@@ -58,6 +58,7 @@ typedef struct {
     an_dwell dwell;
     float limit;      /* of the drives: follows the job's as the targets follow theirs */
     uint32_t limited; /* nonzero: the last command was scaled down to the limit */
+    float shown; /* of the integrals, by the sensors in the last window */
     an_complex error[AN_SIX]; /* smoothed over a time constant */
     uint32_t mismatched; /* doubts, up and down */
     uint32_t fading; /* nonzero: the targets fade out, whatever the reference */
