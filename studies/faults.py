@@ -132,13 +132,14 @@ IN_C: dict[str, dict[str, str | None]] = {
     },
     "guard": {r" && ": " || ", r" \|\| ": " && ", r"!(?=[a-z(])": ""},
     "index": {r"\[0u?\]": "[1]", r"\[1u?\]": "[0]"},
-    "factor": {r"\b\d+\.\d*(?=f\b)": None},
-    "dropped statement": {r"(?m)^ +(?:[\w.>\[\]-]+ [-+*/&|^]?= .*|an_\w+\(.*\));$": ";"},
+    "factor": {r"\b\d+\.?\d*(?:e-?\d+)?(?=f\b)": None},
+    "dropped statement": {r"(?m)^ +(?:[\w.>\[\]-]+ [-+*/&|^]?= .*|an_\w+\(.*\));(?= *$)": ""},
 }  # fmt: skip
-LARGER = re.compile(r"(\S+) [<>]=? (\S+) \? (?:\1 : \2|\2 : \1)")  # of equal values, either is the same
-COMMENT = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\])*"', re.S)
+# of equal values, either is the same
+LARGER = re.compile(r"(\S+) [<>]=? (?:\(\w+\))?(\S+) \? (?:-?\1|(?:\(\w+\))?\2)(?: -| :)")
+COMMENT = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\])*"|AN_ASSERT\(.*?\);|sizeof [^;,)]*', re.S)
 FUNCTION = re.compile(r"^\{$.*?^\}$", re.S | re.M)
-CONSTANT = re.compile(r"^#define (\w+) .*?(\d+\.\d*(?:e-?\d+)?)f\b", re.M)
+CONSTANT = re.compile(r"^#define (\w+) .*?\b(\d+\.?\d*(?:e-?\d+)?)f\b", re.M)
 
 
 def _of_c(path: str, text: str) -> Iterator[Fault]:
@@ -153,7 +154,7 @@ def _of_c(path: str, text: str) -> Iterator[Fault]:
                 for found in re.compile(form).finditer(code, *function.span()):
                     own = line(found.start())
                     row = code.splitlines()[own - 1]
-                    if "AN_ASSERT" not in row and not (kind == "comparison" and LARGER.search(row)):
+                    if not (kind == "comparison" and LARGER.search(row)):
                         wrong = str(float(found[0]) * FACTOR) if after is None else after
                         if wrong != found[0]:
                             yield Fault(path, kind, found.span(), found[0], wrong, (own,))

@@ -20,6 +20,7 @@ import tempfile
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from math import inf
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -135,11 +136,14 @@ def recorded_in_c(folder: Path, tests: list[str]) -> Tests:
                     own = str(Path(file["file"]).relative_to(folder))
                     lines[own] = [each["line_number"] for each in file["lines"] if each["count"]]
                 known[str(path.relative_to(folder))] = {"seconds": time.monotonic() - begin, "lines": lines}
-    return {name: each for name, each in known.items() if each["lines"]}
+    known = {name: each for name, each in known.items() if each["lines"]}
+    if not known:
+        raise SystemExit(f"--tests {' '.join(tests)}: none of the firmware's tests there runs the core")
+    return known
 
 
 def _of_firmware(path: Path) -> list[Path]:
-    return [path] if path.is_file() else list(path.rglob("firmware/test_*.py"))
+    return [path] if path.is_file() else [each for each in path.rglob("test_*.py") if each.parent.name == "firmware"]
 
 
 def compiles(folder: Path, cache: str) -> bool:
@@ -163,7 +167,7 @@ def chosen_tests(fault: Fault, known: Tests, most_s: float) -> list[str]:
 
 def judged(fault: Fault, folder: Path, known: Tests, most_s: float) -> str:
     """KILLED, SURVIVED, UNSEEN or NONE: a fault planted in the copy, judged by its tests, and mended again."""
-    names = chosen_tests(fault, known, most_s)
+    names = chosen_tests(fault, known, inf if fault.path.endswith(".c") else most_s)
     if not names:
         return UNSEEN
     path, limit = folder / fault.path, START_S + PATIENCE * sum(known[name]["seconds"] for name in names)
@@ -192,7 +196,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--tests", nargs="+", default=["tests"], help="tests to choose from")
     parser.add_argument("--count", type=int, default=300, help="faults in each folder")
     parser.add_argument("--seed", type=int, default=int(time.time()), help="that draws them; printed")
-    parser.add_argument("--seconds", type=float, default=60.0, help="limit of the chosen tests' sum, without a fault")
+    parser.add_argument(
+        "--seconds", type=float, default=60.0, help="limit of the chosen tests' sum, without a fault; none in C"
+    )
     given = parser.parse_args(arguments)
     every = {name: of_folder(ROOT, name) for name in given.folders}
     empty = [name for name, own in every.items() if not own]
