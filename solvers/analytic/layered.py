@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 
 import numpy as np
 
-from geometry.elements import FloatArray, gauss_lobatto, lagrange
+from geometry.elements import ComplexArray, FloatArray, gauss_lobatto, lagrange
 from geometry.materials import Stack
 from solvers.analytic.plates import Strip, thin_plate_hz
 
@@ -43,6 +44,7 @@ def layered_waves_hz(stack: Stack, along_per_m: float, across_per_m: float, coun
     size = 3 * (DEGREE * len(stack.layers) + 1)
     stiffness, mass = np.zeros((size, size), dtype=complex), np.zeros((size, size))
     value, slope, weights = _functions()
+    strained: list[Callable[[ComplexArray], float]] = []
     for number, (material, thickness) in enumerate(stack.layers):
         h = thickness / unit
         parts = [1j * wavevector[0] * value, 1j * wavevector[1] * value, 2.0 / h * slope]
@@ -57,9 +59,20 @@ def layered_waves_hz(stack: Stack, along_per_m: float, across_per_m: float, coun
         stiffness[place] += np.asarray(own).reshape(len(place[0]), -1)
         inertia = material.density_kg_m3 / density * (value.T * heavy) @ value
         mass[place] += np.kron(inertia, np.eye(3))
-    values = eigh(stiffness, mass, eigvals_only=True, subset_by_index=(0, count - 1))
-    omega = np.sqrt(np.maximum(values, 0.0) * scale / density) / unit
-    return np.asarray(omega / (2.0 * np.pi))
+        strained.append(partial(_energy, law, heavy, np.array(parts), slice(first, first + 3 * (DEGREE + 1))))
+    _, waves = eigh(stiffness, mass, subset_by_index=(0, count - 1))
+    # eigenvalues of long waves drown in the stiffness's rounding errors; their strains, and the energy of these, do not
+    values = [sum(energy(wave) for energy in strained) / (wave.conj() @ mass @ wave).real for wave in waves.T]
+    return np.asarray(np.sqrt(np.array(values) * scale / density) / (2.0 * np.pi * unit))
+
+
+def _energy(
+    law: FloatArray, weights: FloatArray, derivatives: ComplexArray, place: slice, wave: ComplexArray
+) -> float:
+    """Twice the strain energy of a wave in a layer, from its strains at the quadrature points."""
+    gradient = np.einsum("jqa,ai->qij", derivatives, wave[place].reshape(-1, 3))
+    strain = (gradient + gradient.swapaxes(1, 2)) / 2.0
+    return float(np.einsum("q,qij,ijkl,qkl->", weights, strain.conj(), law, strain, optimize=True).real)
 
 
 @lru_cache(maxsize=256)

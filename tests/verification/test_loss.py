@@ -254,7 +254,8 @@ def test_a_row_without_loss_has_the_waves_it_had():
     alike = tuple(Layer(lossless(layer.material), layer.thickness_m) for layer in LAYERS)
     still = replace(DESIGN, layers=alike, pillar=replace(PILLAR, material=lossless(LEAD)))
     ours, theirs = (row(still, lossy).waves(30e3).wavenumber_per_m[:6] for lossy in (True, False))
-    assert ours == pytest.approx(theirs, rel=1e-6)
+    turns = np.exp(1j * DESIGN.pitch_y_m * ours), np.exp(1j * DESIGN.pitch_y_m * theirs)
+    assert turns[0] == pytest.approx(turns[1], rel=1e-6)  # at the edge of the zone both signs are one wave
 
 
 def case(**more: object) -> Case:
