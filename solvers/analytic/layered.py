@@ -66,9 +66,7 @@ def layered_waves_hz(stack: Stack, along_per_m: float, across_per_m: float, coun
     return np.asarray(np.sqrt(np.array(values) * scale / density) / (2.0 * np.pi * unit))
 
 
-def _energy(
-    law: FloatArray, weights: FloatArray, derivatives: ComplexArray, place: slice, wave: ComplexArray
-) -> float:
+def _energy(law: FloatArray, weights: FloatArray, derivatives: ComplexArray, place: slice, wave: ComplexArray) -> float:
     """Twice the strain energy of a wave in a layer, from its strains at the quadrature points."""
     gradient = np.einsum("jqa,ai->qij", derivatives, wave[place].reshape(-1, 3))
     strain = (gradient + gradient.swapaxes(1, 2)) / 2.0
