@@ -459,6 +459,13 @@ def exclusive(given: Iterable[tuple[str, Any]], paired: bool = False) -> Iterato
             before[key] = None
 
 
+def effective(given: Iterable[tuple[str, Any]]) -> list[tuple[str, Any]]:
+    """Return the given pairs of key and value without those that a later one drops."""
+    pairs = list(given)
+    dropped = {earlier for earlier, _ in exclusive(pairs)}
+    return [(key, value) for key, value in pairs if key not in dropped]
+
+
 def check_exclusive(given: Iterable[tuple[str, Any]], place: str) -> None:
     """Raise InputError with a line for each pair of given keys that exclude each other."""
     if lines := [

@@ -135,13 +135,10 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
     @property
     def changes(self) -> dict[str, Any]:
         """Best design as keywords: `plate.with_(**found.changes)` is that plate."""
-        from pipeline.case.reading import exclusive  # loads what help does without
+        from pipeline.case.reading import effective  # loads what help does without
 
         found: dict[str, Any] = {}
-        dropped = {earlier for earlier, _ in exclusive(self.best.set.items())}
-        for name, value in self.best.set.items():
-            if name in dropped:
-                continue
+        for name, value in effective(self.best.set.items()):
             key, row, _ = name.replace(".", "__").partition("[")
             if row:
                 found.setdefault(key, []).append(value)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from pipeline import quantity
-from pipeline.case.reading import toml_text
+from pipeline.case.reading import effective, toml_text
 from pipeline.models.answer_parts import ModeRecord, TargetMode
 from pipeline.paths import REFERENCE, RESULTS, ROOT, STUDIES
 from pipeline.quantity import KHZ, MM, Unit, frequency_figure, level
@@ -395,7 +395,7 @@ def computed_on(study: StoredStudy) -> str:
 def command(study: StoredStudy, case: StoredCase) -> str:
     """Return the command that computes a case's plate again."""
     base = case_file(study)
-    settings = [word for key, value in case.sweep.items() for word in ("--set", f"{key}={toml_text(value)}")]
+    settings = [word for key, value in effective(case.sweep.items()) for word in ("--set", f"{key}={toml_text(value)}")]
     return shlex.join(["antinode", "modes", base, *settings]) if base else ""
 
 

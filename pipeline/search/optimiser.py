@@ -20,7 +20,7 @@ from geometry.elements import FloatArray
 from geometry.layout import Design
 from pipeline.case.features import LARGER, SUPPORTS, ZONES
 from pipeline.case.model import Case, parsed
-from pipeline.case.reading import exclusive
+from pipeline.case.reading import effective
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import checked
@@ -92,9 +92,8 @@ class Outcome:
         window = ["solve.band_kHz=[{!r},{!r}]".format(*self.window)] if self.window else []
         changes = [*self.space.overrides(self.best.point), *window]
         texts = [*self.space.fixed, *changes]
-        given = parsed(texts)
-        dropped = {earlier for earlier, _ in exclusive(given)}
-        return [text for text, (key, _) in zip(texts, given, strict=True) if key not in dropped]
+        kept = {key for key, _ in effective(parsed(texts))}
+        return [text for text in texts if parsed([text])[0][0] in kept]
 
     @property
     def gain(self) -> float | None:

@@ -6,6 +6,7 @@ import re
 import shutil
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,6 +15,7 @@ from pipeline.batch.study_file import STUDIES, load_study
 from pipeline.case.model import case_from_dict, load_case, read_case
 from pipeline.case.reading import toml_text
 from pipeline.errors import InputError
+from pipeline.report import text
 
 STUDY = '[study]\nname = "s"\ncase = "three-rows.toml"\nmeasure = ["modes"]\n'
 
@@ -185,3 +187,10 @@ def test_the_name_of_the_committed_references_is_taken(study):
 @pytest.mark.parametrize("text", ["\U0001f600", "a\tb", "\x7f", 'say "x"\\'])
 def test_a_text_is_written_as_toml_reads_it(text):
     assert tomllib.loads(f"key = {toml_text(text)}") == {"key": text}
+
+
+def test_the_command_of_a_paired_case_leaves_out_the_sizes_of_other_shapes(monkeypatch):
+    monkeypatch.setattr(text, "case_file", lambda study: "plate.toml")
+    sweep = {"pillar.side_mm": 2.1, "pillar.diameter_mm": 2.3, "pillar.shape": "round"}
+    command = text.command(None, SimpleNamespace(sweep=sweep))
+    assert command == "antinode modes plate.toml --set pillar.diameter_mm=2.3 --set 'pillar.shape=\"round\"'"
