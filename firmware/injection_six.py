@@ -21,28 +21,20 @@ from firmware.injection_rig import FLIPPED_FURTHER, FURTHER, SIX_WORDS, TRIPS, R
 from firmware.injection_trials import Trial, break_one_of_six, breaking, flipping, image_rows
 from firmware.mode_table import ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, fault_names
-from firmware.six_lifts import pressed
+from firmware.six_lifts import REFERENCE, pressed, require_held, started
 
 BEAM = Beam(noise=1e-3, quality_factor=15.0)
-LEVEL, STRIDE = 0.1, 17
+STRIDE = 17
 FOLLOWED, TRIED = 12.0, 60.0  # time constants: a change, a try under a hand
 HEAVY, RINGING = 100.0, 60.0  # times the damping, of a beam of a quality factor that leaves every mode a frequency
 FOUND = 8.0  # time constants until the check of a retry has found a failed sensor
 
 
-def _board(table: bytes, beam: Beam) -> HostedSix:
-    board = HostedSix(table, beam)
-    board.run(5e-3)
-    board.lib.an_six_start(board.app, 0, LEVEL)
-    return board
-
-
 def held(beam: Beam = BEAM) -> HostedSix:
     """Make a board that holds the same amplitude at all sensors. Raises NoCompiler."""
-    board = _board(measured_table(beam), beam)
+    board = started(measured_table(beam), beam)
     board.run(FOLLOWED * beam.slowest_s)
-    if board.state != RUN:
-        raise RuntimeError(f"the pattern is not held: faults {', '.join(fault_names(board.faults))}")
+    require_held(board)
     return board
 
 
@@ -53,8 +45,8 @@ def _follow(board: HostedSix, seconds: float) -> tuple[float, float]:
         board.tick()
         if board.fast.tick == 0:
             drive = max(drive, float(abs(board.drives).max()))
-        moved = max(moved, float(abs(board.beam.pull @ board.beam.state.imag).max()))
-    return moved / LEVEL, drive
+        moved = max(moved, float(abs(board.beam.motion).max()))
+    return moved / REFERENCE, drive
 
 
 def _moments(board: HostedSix, moments: int, stride: int) -> Iterator[None]:
@@ -72,7 +64,7 @@ def _held_row(what: str, board: HostedSix, moments: int, stride: int, most: floa
         peak = change()
         after, driven = _follow(board, FOLLOWED * BEAM.slowest_s)
         peak = max(peak, after)
-        kept += board.state == RUN and peak <= most and bool(abs(board.measured - LEVEL).max() < NEAR * LEVEL)
+        kept += board.state == RUN and peak <= most and bool(abs(board.measured - REFERENCE).max() < NEAR * REFERENCE)
         largest, drive = max(largest, peak), max(drive, driven)
     return Row(f"six channels: {what}", moments, 0, kept, 0.0, 0.0, (drive, own, largest))
 
@@ -177,7 +169,7 @@ def hand_row(moments: int, stride: int) -> Row:
 def measuring() -> HostedSix:
     """Make a board that measures its matrix."""
     shape = Shape(BEAM.frequency_hz, BEAM.slowest_s, (Pattern("all", (1.0,) * 6),))
-    board = _board(to_bytes(ModeTable(BEAM.sample_rate_hz, bytes(16), shapes=(shape,))), BEAM)
+    board = started(to_bytes(ModeTable(BEAM.sample_rate_hz, bytes(16), shapes=(shape,))), BEAM)
     board.run(60e-3)
     return board
 

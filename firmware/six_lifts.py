@@ -52,6 +52,14 @@ def pressed(structure: Structure, share: float = 1.0) -> Structure:
     )
 
 
+def started(table: bytes, beam: Beam) -> HostedSix:
+    """Make a board that has just started the first pattern at REFERENCE. Raises NoCompiler."""
+    board = HostedSix(table, beam)
+    board.run(5e-3)
+    board.lib.an_six_start(board.app, 0, REFERENCE)
+    return board
+
+
 def touched(pattern: Pattern) -> HostedSix:
     """Make a board that holds a pattern under a finger to which it has adapted.
 
@@ -61,22 +69,18 @@ def touched(pattern: Pattern) -> HostedSix:
     RuntimeError
         If the application stops with a fault.
     """
-    board = HostedSix(measured_table(BEAM, pattern), BEAM)
-    board.run(5e-3)
-    board.lib.an_six_start(board.app, 0, REFERENCE)
+    board = started(measured_table(BEAM, pattern), BEAM)
     board.run(STARTED_S)
     board.beam.become(pressed(BEAM.structure))
     board.run(ADAPTS_S)
-    _check(board)
+    require_held(board)
     return board
 
 
 def shown(board: HostedSix) -> float:
     """Share of the integrals that the sensors show on top of their targets."""
-    measured, target, integral = (
-        _complex(part) for part in (board.app.slow.measured, board.app.slow.target, board.app.slow.integral)
-    )
-    return float(np.real((measured - target) @ integral.conj()) / ((np.abs(integral) ** 2).sum() + 1e-9))
+    target, integral = _complex(board.app.slow.target), _complex(board.app.slow.integral)
+    return float(np.real((board.measured - target) @ integral.conj()) / ((np.abs(integral) ** 2).sum() + 1e-9))
 
 
 def windows(board: HostedSix, count: int) -> Iterator[None]:
@@ -118,10 +122,10 @@ def lifted(board: HostedSix, lift_s: float, warned: int = 0) -> tuple[float, lis
                 for integral in board.app.slow.integral:
                     integral.re = integral.im = 0.0
             board.tick()
-            peak = max(peak, float(np.abs(board.beam.pull @ board.beam.state.imag).max()))
+            peak = max(peak, float(np.abs(board.beam.motion).max()))
             if board.fast.tick == 0:
                 seen.append(shown(board))
-    _check(board)
+    require_held(board)
     return peak / REFERENCE, seen
 
 
@@ -160,7 +164,8 @@ def _complex(values: Any) -> NDArray[np.complex128]:
     return np.array([complex(z.re, z.im) for z in values])
 
 
-def _check(board: HostedSix) -> None:
+def require_held(board: HostedSix) -> None:
+    """Raise RuntimeError if the application has stopped with a fault."""
     if board.state != RUN:
         raise RuntimeError(f"the pattern is not held: faults {', '.join(fault_names(board.faults))}")
 

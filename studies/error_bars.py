@@ -74,7 +74,7 @@ QUIET = TerminalLog(True)
 
 PAGE, PICTURE = ROOT / "docs" / "error-bars.md", ROOT / "docs" / "pictures" / "error-bars.svg"
 SEED = 10  # differs from the seeds that gave the constants for hexahedra
-HEAD = """# Error bars against true errors
+HEAD = f"""# Error bars against true errors
 
 Written by `python -m studies.error_bars`, which also prints every scene. Scenes are drawn at random over eight isotropic
 materials, thicknesses from 0.5 to 5 mm, and stubby and slender pillars. The constants of the error bars for hexahedra
@@ -88,7 +88,7 @@ wide.
 * Parts `by tetrahedra`, which have the coarsest error bars, are compared with hexahedra.
 * Cells of turned crystals, of two or three layers and with pillars of two or three sections are computed at two
   accuracies, with all parts of the error bar; quality factors of lossy pillars by tetrahedra and by hexahedra. Cells with
-  sections are drawn again where the finest mesh exceeds 400 000 unknowns.
+  sections are drawn again where the finest mesh exceeds {MOST / 1000:g} 000 unknowns.
 * Rods 8 to 60 times as high as wide and rubber pillars are solved at two accuracies, with all parts of the error bar.
 * Free blocks are compared with a Legendre-Ritz solution, and plates with a stiff patch with a solid that shares the
   patch's nodes and keeps the whole potential. A mode missing from either list counts as outside its error bar.

@@ -128,11 +128,11 @@ def recorded_in_c(folder: Path, tests: list[str]) -> Tests:
     """Files of the firmware's tests that pass without a fault, with the seconds of each and the core's lines that it runs."""
     known: Tests = {}
     for path in sorted(path for name in tests for path in _of_firmware(folder / name)):
-        with tempfile.TemporaryDirectory() as name:
+        with tempfile.TemporaryDirectory() as cache:
             begin = time.monotonic()
-            if run_pytest(folder, [str(path)], {"XDG_CACHE_HOME": name, **COUNTING}) == 0:
+            if run_pytest(folder, [str(path)], {"XDG_CACHE_HOME": cache, **COUNTING}) == 0:
                 lines: dict[str, list[int]] = {}
-                for file in gcov(Path(name)):
+                for file in gcov(Path(cache)):
                     own = str(Path(file["file"]).relative_to(folder))
                     lines[own] = [each["line_number"] for each in file["lines"] if each["count"]]
                 known[str(path.relative_to(folder))] = {"seconds": time.monotonic() - begin, "lines": lines}
@@ -167,7 +167,8 @@ def chosen_tests(fault: Fault, known: Tests, most_s: float) -> list[str]:
 
 def judged(fault: Fault, folder: Path, known: Tests, most_s: float) -> str:
     """KILLED, SURVIVED, UNSEEN or NONE: a fault planted in the copy, judged by its tests, and mended again."""
-    names = chosen_tests(fault, known, inf if fault.path.endswith(".c") else most_s)
+    in_c = fault.path.endswith(".c")
+    names = chosen_tests(fault, known, inf if in_c else most_s)
     if not names:
         return UNSEEN
     path, limit = folder / fault.path, START_S + PATIENCE * sum(known[name]["seconds"] for name in names)
@@ -175,9 +176,9 @@ def judged(fault: Fault, folder: Path, known: Tests, most_s: float) -> str:
     path.write_text(fault.planted(whole), encoding="utf-8")
     try:
         with tempfile.TemporaryDirectory() as cache:
-            if path.suffix == ".c" and not compiles(folder, cache):
+            if in_c and not compiles(folder, cache):
                 return NONE
-            more = {"XDG_CACHE_HOME": cache} if path.suffix == ".c" else {}
+            more = {"XDG_CACHE_HOME": cache} if in_c else {}
             return SURVIVED if run_pytest(folder, ["-x", *names], more, limit) == 0 else KILLED
     finally:
         path.write_text(whole, encoding="utf-8")

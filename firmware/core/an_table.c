@@ -22,7 +22,7 @@ static const a_bound header_bounds[] = {AN_HEADER_BOUNDS};
 static const a_bound mode_bounds[] = {AN_MODE_BOUNDS};
 static const a_bound shape_bounds[] = {AN_SHAPE_BOUNDS};
 
-#define AN_SHARED __attribute__((noinline)) /* called often: inlined, a table of sixteen modes would not fit */
+#define AN_SHARED __attribute__((noinline)) /* called often: inlined, 300 bytes more */
 
 /* Check the bounds of a float; false for a NaN. */
 static AN_SHARED bool within(const uint8_t *at, float low, float high)

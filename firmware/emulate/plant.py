@@ -264,9 +264,14 @@ class BeamSimulation:
         self.push = ((self.decay - 1.0) / pole)[:, None] * beam.actuators
         self.pull = beam.sensors.T / pole.imag
 
+    @property
+    def motion(self) -> Floats:
+        """Motion at the six sensors, without crosstalk and noise, as fractions of full scale."""
+        return np.asarray(self.pull @ self.state.imag)
+
     def sense(self) -> Floats:
         """Return the signals of the six sensors at this sample, as fractions of full scale."""
-        levels = self.pull @ self.state.imag + self.at_once
+        levels = self.motion + self.at_once
         if not self.beam.noise:
             return levels
         if not self.noise:

@@ -433,12 +433,18 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
         if key in AXES and (centre := _centre(result)):
             centre[AXES.index(key)] = value
             key, value = "zone.centre_mm", centre
-        for other in ALTERNATIVES.get(key, ()):
+        for other in _dropped(key, value):
             _drop(result, other)
-        if key == "pillar.shape" and isinstance(value, str) and value in SHAPES:
-            keep_sizes(result, SHAPES[value])
         _put(result, key.split("."), value)
     return result
+
+
+def _dropped(key: str, value: Any) -> set[str]:
+    """Keys that an override drops: its alternatives, and sizes that only other shapes have."""
+    dropped = {*ALTERNATIVES.get(key, ())}
+    if key == "pillar.shape" and isinstance(value, str) and value in SHAPES:
+        dropped |= {f"pillar.{name}" for name in _foreign_sizes(SHAPES[value])}
+    return dropped
 
 
 def exclusive(given: Iterable[tuple[str, Any]], paired: bool = False) -> Iterator[tuple[str, str]]:
@@ -448,12 +454,8 @@ def exclusive(given: Iterable[tuple[str, Any]], paired: bool = False) -> Iterato
     """
     before: dict[str, None] = {}
     for key, value in given:
-        dropped = {*ALTERNATIVES.get(key, ())}
-        shapes = [each for each in (value if isinstance(value, list) else [value]) if each in (*SHAPES,)]
-        if key == "pillar.shape" and shapes:
-            foreign = [_foreign_sizes(SHAPES[each]) for each in shapes]
-            vain = set.intersection(*foreign) if paired else set.union(*foreign)
-            dropped |= {f"pillar.{name}" for name in vain}
+        each = [_dropped(key, one) for one in (value if isinstance(value, list) and value else [value])]
+        dropped = set.intersection(*each) if paired else set.union(*each)
         yield from ((earlier, key) for earlier in before if earlier in dropped)
         if value is not None:
             before[key] = None

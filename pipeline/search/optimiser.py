@@ -92,8 +92,9 @@ class Outcome:
         window = ["solve.band_kHz=[{!r},{!r}]".format(*self.window)] if self.window else []
         changes = [*self.space.overrides(self.best.point), *window]
         texts = [*self.space.fixed, *changes]
-        kept = {key for key, _ in effective(parsed(texts))}
-        return [text for text in texts if parsed([text])[0][0] in kept]
+        given = parsed(texts)
+        kept = dict(effective(given))
+        return [text for text, (key, _) in zip(texts, given, strict=True) if key in kept]
 
     @property
     def gain(self) -> float | None:

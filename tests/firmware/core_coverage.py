@@ -19,7 +19,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from studies.mutants import gcov
+from studies.mutants import COUNTING, gcov
 
 TESTS = Path(__file__).parent
 NAMES = (
@@ -32,7 +32,7 @@ VERSIONS = ("-22", "-21", "-20", "-19", "-18")
 LONG = "not whatever_breaks and not at_many_moments"  # faults in their thousands: what they take, others do
 
 
-def run_tests(folder: Path, compiler: str, flags: str) -> None:
+def run_tests(folder: Path, built: dict[str, str]) -> None:
     """The host tests with a library that counts; its counters are written into the folder.
 
     Raises
@@ -42,7 +42,6 @@ def run_tests(folder: Path, compiler: str, flags: str) -> None:
     """
     places = {"TMPDIR": str(folder), "XDG_CACHE_HOME": str(folder)}  # the library and its counters lie in the cache
     profile = {"LLVM_PROFILE_FILE": str(folder / "%p-%m.profraw")}
-    built = {"ANTINODE_HOST_FLAGS": f"{flags} -O0 -UAN_CHECKED", "CC": compiler}
     files = [str(TESTS / name) for name in NAMES.split() if (TESTS / name).exists()]
     chosen = ["-m", "slow or not slow", "-k", f"{NOT_HERE} and {LONG}"]
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *chosen, *files]
@@ -100,11 +99,12 @@ def counted(by_conditions: bool, folder: Path) -> dict[str, dict[tuple[int, int]
         version = clang()
         if version is None:
             return None
-        run_tests(folder, f"clang{version}", "-fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc")
+        flags = "-fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc -O0 -UAN_CHECKED"
+        run_tests(folder, {"ANTINODE_HOST_FLAGS": flags, "CC": f"clang{version}"})
         return conditions(folder, version)
     if not shutil.which("gcov") or not shutil.which("gcc"):
         return None
-    run_tests(folder, "gcc", "--coverage -fprofile-update=single")
+    run_tests(folder, COUNTING)
     return branches(folder)
 
 

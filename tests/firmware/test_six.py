@@ -341,7 +341,7 @@ def test_a_retry_without_a_sensor_moves_the_plate_no_further(hosted, sign: float
     largest = 0.0
     while board.state == IDENTIFY:
         board.tick()
-        largest = max(largest, np.abs(board.beam.pull @ board.beam.state.imag).max())
+        largest = max(largest, np.abs(board.beam.motion).max())
     assert board.state == FAULT and board.faults == Fault.MISMATCH
     assert largest < 0.11 and board.app.base.measured == 0 and board.app.identified == 1
 
