@@ -7,7 +7,7 @@ above those of finer meshes, so it gives an upper limit for the requested bands.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from math import ceil, inf, sqrt
 from typing import TYPE_CHECKING
 
@@ -31,7 +31,6 @@ from solvers.superelement.interface import ReductionSettings
 
 if TYPE_CHECKING:
     from solvers.fem.assembly import System
-    from solvers.fem.eigen import PlainPencil
 
 ORDER = 3
 STEP = 1.2  # factor within which the highest band is found
@@ -52,6 +51,16 @@ SIGNS = {"SS": "++", "SA": "+-", "AS": "-+", "AA": "--"}  # u_z symmetric or ant
 MEASURED = ("plate", "zone")  # parts with a touch face, which identifies the target mode
 
 
+@lru_cache(maxsize=1)  # a cell's matrices take tens of MB; what was counted with them is kept by their CoarseCell
+def _coarse_system(design: Design, count: int) -> System:
+    from solvers.fem.assembly import assemble  # slow to import, and needed for plans with bands only
+
+    settings = coarse_settings(design, count)
+    settings = replace(settings, size_m=max(settings.size_m, max(design.lattice.cell_m) / MANY))
+    mesh = hex_mesh(cell_boxes(design, settings), settings.order)
+    return assemble(mesh, region_materials(design.stack, design.pillar))
+
+
 class CoarseCell:
     """A coarse mesh of a design's unit cell, solved for its `count` lowest bands; an oblique one is a rectangle of its area."""
 
@@ -63,22 +72,9 @@ class CoarseCell:
         self._ends_hz: dict[float, float] = {}
         self._fixed: dict[float, int] = {}
 
-    @cached_property
+    @property
     def _system(self) -> System:
-        from solvers.fem.assembly import assemble  # slow to import, and needed for plans with bands only
-
-        settings = coarse_settings(self.design, self.count)
-        settings = replace(settings, size_m=max(settings.size_m, max(self.design.lattice.cell_m) / MANY))
-        mesh = hex_mesh(cell_boxes(self.design, settings), settings.order)
-        return assemble(mesh, region_materials(self.design.stack, self.design.pillar))
-
-    @cached_property
-    def _waves(self) -> PlainPencil:
-        """K and M at the zone's corner, where all phases are real and every band counts once."""
-        from solvers.waves.bloch import BlochCell
-
-        lattice = self.design.lattice
-        return BlochCell(self._system, lattice).pencil(lattice.reciprocal_per_m.sum(axis=0) / 2.0)[0]
+        return _coarse_system(self.design, self.count)
 
     def bands_end_hz(self, below_hz: float) -> float:
         """Upper limit of the requested bands at the zone's corner, Hz, within STEP; at most below_hz.
@@ -106,12 +102,16 @@ class CoarseCell:
     def _bisected_hz(self, below_hz: float) -> float:
         from solvers.fem.eigen import count_below
         from solvers.fem.factor import Factoriser
+        from solvers.waves.bloch import BlochCell
 
+        # at the zone's corner all phases are real and every band counts once
+        corner_per_m = self.design.lattice.reciprocal_per_m.sum(axis=0) / 2.0
+        waves, _ = BlochCell(self._system, self.design.lattice).pencil(corner_per_m)
         factorise = Factoriser()  # one symbolic analysis for all counts
-        low, high, found = 0.0, below_hz, count_below(self._waves, below_hz, factorise)
+        low, high, found = 0.0, below_hz, count_below(waves, below_hz, factorise)
         while found >= self.count and high > STEP * low:
             middle = sqrt(low * high) if low else high * sqrt(self.count / found) / STEP
-            number = count_below(self._waves, middle, factorise)
+            number = count_below(waves, middle, factorise)
             if number >= self.count:
                 high, found = middle, number
             else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import subprocess
 import sys
@@ -39,6 +40,7 @@ from pipeline.questions.question import Run, ask
 from pipeline.questions.response import Response
 from pipeline.records import store
 from solvers.analytic.predesign import predesign
+from solvers.fem.assembly import System
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import coupled_classes
 from tests.helpers.asked import attenuation_of, solve_bands
@@ -498,6 +500,18 @@ def test_the_window_of_a_rigid_shape_reaches_to_the_clamped_beam_across() -> Non
         design = load_case(STUDIES / "three-rows.toml", [f"zone.nodal_lines={lines}", "patches.sensors=[]"]).design
         low, high = mesh_rules.target_window_hz(design)
         assert high / low * mesh_rules.WINDOW[0] == pytest.approx(2.2669, rel=1e-4)
+
+
+def test_many_coarse_cells_hold_the_matrices_of_one() -> None:
+    """A search asks for the bands' end of many designs in one process: one cell's matrices may take 100 MB."""
+    def held() -> int:
+        gc.collect()
+        return sum(isinstance(each, System) for each in gc.get_objects())
+
+    before = held()
+    cells = [coarse_cell(case(f"pillar.side_mm={side_mm}").design, 6) for side_mm in (2.0, 2.5, 3.0)]
+    assert len({cell.bands_end_hz(0.9e6) for cell in cells}) == 3
+    assert held() - before <= 1
 
 
 @pytest.mark.slow
