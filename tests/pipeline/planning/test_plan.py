@@ -504,6 +504,7 @@ def test_the_window_of_a_rigid_shape_reaches_to_the_clamped_beam_across() -> Non
 
 def test_many_coarse_cells_hold_the_matrices_of_one() -> None:
     """A search asks for the bands' end of many designs in one process: one cell's matrices may take 100 MB."""
+
     def held() -> int:
         gc.collect()
         return sum(isinstance(each, System) for each in gc.get_objects())
