@@ -5,29 +5,39 @@ const zeros = (n) => new Float64Array(n);
 
 // dense matrices: { n rows, m columns, a row by row }
 const mat = (n, m) => ({ n, m, a: zeros(n * m) });
-function product(x, y, n, inner, at, first = () => 0) { // sum over k of x[at(i, k)] y[k, j], four k at a time: an answer is mostly such sums
-  const w = y.m, out = mat(n, w), o = out.a, b = y.a;
+function mul(x, y, first = 0) { // row i from column first * i on; four terms at a time, two rows at a time: an answer is mostly such sums
+  const { n, m: inner, a } = x, w = y.m, b = y.a, out = mat(n, w), o = out.a;
   let k = 0;
-  for (; k + 3 < inner; k += 4)
-    for (let i = 0; i < n; i++) {
-      const v0 = x.a[at(i, k)], v1 = x.a[at(i, k + 1)], v2 = x.a[at(i, k + 2)], v3 = x.a[at(i, k + 3)];
-      if (v0 || v1 || v2 || v3)
-        for (let j = first(i), p = i * w, q = k * w, r = q + w, s = r + w, t = s + w; j < w; j++) o[p + j] += v0 * b[q + j] + v1 * b[r + j] + v2 * b[s + j] + v3 * b[t + j];
+  for (; k + 3 < inner; k += 4) {
+    const q = k * w, r = q + w, s = r + w, t = s + w;
+    let i = 0;
+    for (; i + 1 < n; i += 2) {
+      const at = i * inner + k, on = at + inner, v0 = a[at], v1 = a[at + 1], v2 = a[at + 2], v3 = a[at + 3], u0 = a[on], u1 = a[on + 1], u2 = a[on + 2], u3 = a[on + 3];
+      if (v0 || v1 || v2 || v3 || u0 || u1 || u2 || u3)
+        for (let j = first * i, p = i * w, l = p + w; j < w; j++) {
+          const b0 = b[q + j], b1 = b[r + j], b2 = b[s + j], b3 = b[t + j];
+          o[p + j] += v0 * b0 + v1 * b1 + v2 * b2 + v3 * b3;
+          o[l + j] += u0 * b0 + u1 * b1 + u2 * b2 + u3 * b3;
+        }
     }
+    if (i < n) {
+      const at = i * inner + k, v0 = a[at], v1 = a[at + 1], v2 = a[at + 2], v3 = a[at + 3];
+      for (let j = first * i, p = i * w; j < w; j++) o[p + j] += v0 * b[q + j] + v1 * b[r + j] + v2 * b[s + j] + v3 * b[t + j];
+    }
+  }
   for (; k < inner; k++)
     for (let i = 0; i < n; i++) {
-      const v = x.a[at(i, k)];
-      if (v) for (let j = first(i), p = i * w, q = k * w; j < w; j++) o[p + j] += v * b[q + j];
+      const v = a[i * inner + k];
+      if (v) for (let j = first * i, p = i * w, q = k * w; j < w; j++) o[p + j] += v * b[q + j];
     }
   return out;
 }
+const mulT = (x, y, first) => mul(transposed(x), y, first); // x' y
 function congruent(x, t) { // t' x t of a symmetric matrix: its upper half alone is summed
-  const out = product(t, mul(x, t), t.m, t.n, (i, k) => k * t.m + i, (i) => i), n = t.m;
+  const out = mulT(t, mul(x, t), 1), n = t.m;
   for (let i = 0; i < n; i++) for (let j = 0; j < i; j++) out.a[i * n + j] = out.a[j * n + i];
   return out;
 }
-const mul = (x, y) => product(x, y, x.n, x.m, (i, k) => i * x.m + k);
-const mulT = (x, y) => product(x, y, x.m, x.n, (i, k) => k * x.m + i); // x' y
 function transposed(x) {
   const out = mat(x.m, x.n);
   for (let i = 0; i < x.n; i++) for (let j = 0; j < x.m; j++) out.a[j * x.n + i] = x.a[i * x.m + j];
