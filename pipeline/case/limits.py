@@ -93,8 +93,10 @@ MIN_LAYER = 1e-3
 """A layer's thickness relative to the plate's: its elements are as wide as the plate is thick, and so slender at most."""
 MAX_LAYERS = 20
 """Each has elements and boundary functions of its own."""
-MIN_GAP = 1e-4
-"""Gap between two pillars relative to the footprint: an element there is as wide as the gap and as long as the foot."""
+MIN_GAP = 2.5e-4
+"""Gap between two pillars relative to the footprint: an element there is as wide as the gap and as long as the foot.
+A wall closer to its cell's side than solvers.waves.bloch.OUTMOST of the pitch, here two fifths of the gap, counts as side.
+"""
 MAX_CONTRAST = 1e8
 """Ratio of the Young's moduli of plate and pillar up to which the study `extremes` verified the solver."""
 FASTEST_M_S, SLOWEST_M_S = 20e3, 1.0
