@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import json
 import math
+import tempfile
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +81,7 @@ DRIVEN = {
     "travel": ["--band", BAND_HZ],
     "tolerance": ["--band", BAND_HZ, "--samples", "2"],
 }
+OPTIONS = PASSIVE | DRIVEN
 LEFT_OUT = {
     "repeats these commands over cases": {"run", "search", "explore"},
     "models the strips and filters of the thesis": {"active"},
@@ -148,9 +151,15 @@ def _scaled(key: str, value: Any, scaling: Scaling) -> Any:
     return value * scaling.of(key) if isinstance(value, float) else value
 
 
+@cache
+def first(command: str, text: str) -> dict[str, Any]:
+    """What a command says of a scene as it stands; scaled, respelled and mirrored ones are compared with it."""
+    with tempfile.TemporaryDirectory() as folder:
+        return answer(Path(folder), command, OPTIONS[command], tomllib.loads(text), Scaling())
+
+
 def answer(folder: Path, command: str, options: list[Any], case: dict[str, Any], scaling: Scaling) -> dict[str, Any]:
     """The JSON document of a command."""
-    folder.mkdir()
     (folder / "case.toml").write_text(tomli_w.dumps(case))
     words = [_spelled(option, scaling.frequency) if isinstance(option, tuple) else option for option in options]
     code = main([command, str(folder / "case.toml"), *words, "--quiet", "--json", str(folder / "answer.json")])
@@ -232,12 +241,12 @@ def mirrored(case: dict[str, Any]) -> dict[str, Any]:
     return {**case, "patches": {**patches, "centres_mm": centres}, "touch": {**touch, "at_mm": at}}
 
 
-def same(folder: Path, command: str, options: list[Any], case: dict[str, Any], other: dict[str, Any]) -> None:
+def same(folder: Path, command: str, text: str, other: dict[str, Any]) -> None:
     """Both scenes have the same figures but for the words that describe them; places are compared by their distance."""
-    first = answer(folder / "first", command, options, case, Scaling())
+    options = OPTIONS[command]
     words = [":".join(f"{end / 1e3!r}kHz" for end in each) if isinstance(each, tuple) else each for each in options]
-    second = answer(folder / "second", command, words, other, Scaling())
-    assert_alike(*(_without_sides(_without(each, DESCRIBING)) for each in (first, second)), Scaling())
+    documents = first(command, text), answer(folder, command, words, other, Scaling())
+    assert_alike(*(_without_sides(_without(each, DESCRIBING)) for each in documents), Scaling())
 
 
 def _without(document: Any, keys: set[str]) -> Any:
@@ -258,11 +267,9 @@ def _sizes(value: Any) -> Any:
     return [abs(each) for each in value] if isinstance(value, list) else abs(value)
 
 
-def compared(folder: Path, command: str, options: list[Any], text: str, scaling: Scaling) -> None:
-    case = tomllib.loads(text)
-    first = answer(folder / "first", command, options, case, Scaling())
-    second = answer(folder / "second", command, options, scaled(case, scaling), scaling)
-    assert_alike(first, second, scaling)
+def compared(folder: Path, command: str, text: str, scaling: Scaling) -> None:
+    other = answer(folder, command, OPTIONS[command], scaled(tomllib.loads(text), scaling), scaling)
+    assert_alike(first(command, text), other, scaling)
 
 
 def test_every_command_is_compared_or_left_out_with_its_reason() -> None:
@@ -279,39 +286,36 @@ def test_every_command_is_compared_or_left_out_with_its_reason() -> None:
 )
 def test_a_scaled_scene_gives_scaled_figures(command: str, tmp_path: Path) -> None:
     """Modes of a bare plate: those with pillars take half a minute."""
-    compared(tmp_path, command, PASSIVE[command], BARE if command == "modes" else COARSE, OTHER)
+    compared(tmp_path, command, BARE if command == "modes" else COARSE, OTHER)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scaling", [Scaling(17.0), Scaling(modulus=0.004), Scaling(density=9.3), OTHER], ids=str)
 @pytest.mark.parametrize("command", PASSIVE)
 def test_further_scales_of_a_passive_plate(command: str, scaling: Scaling, tmp_path: Path) -> None:
-    compared(tmp_path, command, PASSIVE[command], COARSE, scaling)
+    compared(tmp_path, command, COARSE, scaling)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("length", [0.037, 17.0])
 @pytest.mark.parametrize("command", DRIVEN)
 def test_a_scaled_driven_plate_moves_as_much_per_volt(command: str, length: float, tmp_path: Path) -> None:
-    compared(tmp_path, command, DRIVEN[command], COARSE + PATCHED, Scaling(length))
+    compared(tmp_path, command, COARSE + PATCHED, Scaling(length))
 
 
 @pytest.mark.parametrize("command", ["predesign", pytest.param("bands", marks=pytest.mark.slow)])
 def test_other_words_for_a_scene_give_the_same_figures(command: str, tmp_path: Path) -> None:
     """Frequencies of options in kHz, too."""
-    case = tomllib.loads(COARSE)
-    same(tmp_path, command, PASSIVE[command], case, respelled(case))
+    same(tmp_path, command, COARSE, respelled(tomllib.loads(COARSE)))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", [*(each for each in PASSIVE if each not in ("predesign", "bands")), *DRIVEN])
 def test_other_words_for_a_driven_scene_give_the_same_figures(command: str, tmp_path: Path) -> None:
-    case = tomllib.loads(COARSE + PATCHED)
-    same(tmp_path, command, (PASSIVE | DRIVEN)[command], case, respelled(case))
+    same(tmp_path, command, COARSE + PATCHED, respelled(tomllib.loads(COARSE + PATCHED)))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["response", "touch", "crosstalk", "hybrid"])
 def test_a_mirrored_plate_moves_alike(command: str, tmp_path: Path) -> None:
-    case = tomllib.loads(COARSE + PATCHED)
-    same(tmp_path, command, DRIVEN[command], case, mirrored(case))
+    same(tmp_path, command, COARSE + PATCHED, mirrored(tomllib.loads(COARSE + PATCHED)))
