@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from functools import partial
 from typing import Any
 
 import pytest
@@ -10,13 +11,14 @@ import pytest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.cli.explore import explorer_of
 from pipeline.errors import InputError
+from pipeline.models import parametric
 from pipeline.questions.broadband import Broadband
 from pipeline.questions.question import Question, Run, ask
 from pipeline.questions.search import Search
 from pipeline.questions.tolerance import AlikeTolerance, Tolerance
 from pipeline.questions.travel import Travel
 from pipeline.search.terms import Range
-from tests.helpers.exploring import SMALL
+from tests.helpers.exploring import OFFLINE, SMALL
 from tests.helpers.recording_log import RecordingLog
 
 GRAINED: dict[str, Any] = {
@@ -96,7 +98,8 @@ def test_a_law_that_a_command_cannot_follow_is_refused_in_one_line(command: str,
     ("command", "law"),
     [(command, law) for command in ("explore", *QUESTIONS) for law in LAWS if (command, law) not in REFUSED],
 )
-def test_a_law_that_a_command_follows_gives_an_answer(command: str, law: str) -> None:
+def test_a_law_that_a_command_follows_gives_an_answer(command: str, law: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parametric, "laid_about", partial(parametric.laid_about, offline=OFFLINE))  # a small box
     run = Run(RecordingLog())
     assert asked(law, command, run) is not None
     if law == "young_GPa_at" and command != "explore":  # whose page says so where it starts
