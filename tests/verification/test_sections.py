@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -86,13 +87,16 @@ def test_a_lattice_moves_as_one_at_no_frequency(rows: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", [SQUARE, ROUND], ids=["square", "round"])
+@pytest.mark.parametrize(("shape", "accuracy"), [(SQUARE, 0.02), (ROUND, 0.04)], ids=["square", "round"])
 @pytest.mark.parametrize(
     ("neck", "head"), [(SILICONE, LEADEN), (RUBBER, LEADEN), (RESIN, STEEL)], ids=["silicone", "rubber", "resin"]
 )
-def test_two_materials_have_one_answer(neck: dict[str, float], head: dict[str, float], shape: dict[str, Any]) -> None:
+def test_two_materials_have_one_answer(
+    neck: dict[str, float], head: dict[str, float], shape: dict[str, Any], accuracy: float
+) -> None:
     """Hexahedra against tetrahedra: within both bars, rigid-body modes apart."""
-    ours, other = (bands_of(cell(neck, head, shape, f"solve.mesh={mesh}"), LOG) for mesh in ("hex", "tet"))
+    own = cell(neck, head, shape, f"solve.accuracy={accuracy}")
+    ours, other = (bands_of(replace(own, solve=own.solve.but(mesh=mesh)), LOG) for mesh in ("hex", "tet"))
     slowest = 1e-3 * max(point.frequencies_hz[-1] for point in other.points)
     for one, two in zip(ours.points, other.points, strict=True):
         pairs = zip(one.frequencies_hz, one.error, two.frequencies_hz, two.error, strict=True)
