@@ -450,13 +450,13 @@ def _dropped(key: str, value: Any) -> set[str]:
 def exclusive(given: Iterable[tuple[str, Any]], paired: bool = False) -> Iterator[tuple[str, str]]:
     """Yield the pairs of given keys of which the later one, with its value or a list of them, drops the earlier one.
 
-    If lists are paired, only what each shape of a list drops has been given in vain.
+    A whole table drops what stood in it. If lists are paired, only what each shape of a list drops has been given in vain.
     """
     before: dict[str, None] = {}
     for key, value in given:
         each = [_dropped(key, one) for one in (value if isinstance(value, list) and value else [value])]
         dropped = set.intersection(*each) if paired else set.union(*each)
-        yield from ((earlier, key) for earlier in before if earlier in dropped)
+        yield from ((earlier, key) for earlier in before if earlier in dropped or earlier.startswith(f"{key}."))
         if value is not None:
             before[key] = None
 

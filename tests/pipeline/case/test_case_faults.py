@@ -227,6 +227,7 @@ def test_malformed_override(override):
         (["pillar.height_mm=6", "array.heights_mm=[6,6,6]"], "pillar.height_mm and array.heights_mm"),
         (["solve.near_kHz=30", "solve.band_kHz=[30,34]"], "solve.near_kHz and solve.band_kHz"),
         (["pillar.side_mm=3", "pillar.shape=round", "pillar.diameter_mm=3"], "pillar.side_mm and pillar.shape"),
+        (["pillar.side_mm=3", 'pillar={shape="round",diameter_mm=2,height_mm=5}'], "pillar.side_mm and pillar"),
     ],
 )
 def test_of_two_given_keys_none_drops_the_other_in_silence(overrides, pair):
@@ -237,6 +238,8 @@ def test_of_two_given_keys_none_drops_the_other_in_silence(overrides, pair):
     assert fault.value.exit_code == 2
     assert load_case(CASE, ["array.heights_mm=[6,6,6]"]).given >= {"array.heights_mm"}
     assert load_case(CASE, ["array.pitch_mm=4", "array.pitch_x_mm=5"]).design.pitch_x_m == 0.005
+    within = ['pillar={shape="square",side_mm=2.0,height_mm=5.0}', "pillar.height_mm=6"]
+    assert load_case(CASE, within).design.pillar.height_m == 0.006
 
 
 def test_all_faults_of_a_file_come_together():
