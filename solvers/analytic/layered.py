@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,14 +16,14 @@ DEGREE = 12  # through each layer: five waves as long as the plate is thick to 1
 def layered_waves_hz(stack: Stack, along_per_m: float, across_per_m: float, count: int = 3) -> FloatArray:
     """Compute the lowest waves of an infinite plate at a wavevector; the first is the flexural one where waves are long.
 
-    u = U(z) exp(i(kx x + ky y)): K_ik = int C_ijkl (D_j N)* (D_l N) dz with D = (i kx, i ky, d/dz), M = int rho N N dz.
+    u = U(z) exp(i(kx x + ky y)): K = sum over the layers of int B* C B dz with the strains B of [1]_, M = int rho N N dz.
 
     Parameters
     ----------
     stack : Stack
         Layers of the plate.
     along_per_m, across_per_m : float
-        Wavevector along x and y, in rad/m.
+        Wavevector along x and y, in rad/m, not both 0.
     count : int, optional
         Number of waves.
 
@@ -37,40 +36,62 @@ def layered_waves_hz(stack: Stack, along_per_m: float, across_per_m: float, coun
     ----------
     .. [1] lamb1917 (docs/references.bib)
     """
-    from scipy.linalg import eigh  # slow to import, and only several layers need it
+    from scipy.linalg import cholesky, qr, solve_triangular  # slow to import, and only several layers need it
 
-    unit, wavevector = stack.thickness_m, stack.thickness_m * np.array([along_per_m, across_per_m])
-    scale, density = stack.mean.average.shear_pa, stack.mean.density_kg_m3
-    size = 3 * (DEGREE * len(stack.layers) + 1)
-    stiffness, mass = np.zeros((size, size), dtype=complex), np.zeros((size, size))
+    unit, scale, density = stack.thickness_m, stack.mean.average.shear_pa, stack.mean.density_kg_m3
+    wavevector = unit * np.array([along_per_m, across_per_m])
+    strains, mass = [], np.zeros(2 * [DEGREE * len(stack.layers) + 1])
     value, slope, weights = _functions()
-    strained: list[Callable[[ComplexArray], float]] = []
+    places = np.zeros(len(mass))  # of the nodes, from the middle of the plate
+    start = -0.5
     for number, (material, thickness) in enumerate(stack.layers):
-        h = thickness / unit
-        parts = [1j * wavevector[0] * value, 1j * wavevector[1] * value, 2.0 / h * slope]
-        law, heavy = material.tensor_pa / scale, h / 2.0 * weights
-        own = sum(
-            np.einsum("q,qa,qb,ik->aibk", heavy, parts[j].conj(), parts[m], law[:, j, :, m])
-            for j in range(3)
-            for m in range(3)
-        )
-        first = 3 * DEGREE * number
-        place = np.ix_(*2 * [np.arange(first, first + 3 * (DEGREE + 1))])
-        stiffness[place] += np.asarray(own).reshape(len(place[0]), -1)
-        inertia = material.density_kg_m3 / density * (value.T * heavy) @ value
-        mass[place] += np.kron(inertia, np.eye(3))
-        strained.append(partial(_energy, law, heavy, np.array(parts), slice(first, first + 3 * (DEGREE + 1))))
-    _, waves = eigh(stiffness, mass, subset_by_index=(0, count - 1))
-    # eigenvalues of long waves drown in the stiffness's rounding errors; their strains, and the energy of these, do not
-    values = [sum(energy(wave) for energy in strained) / (wave.conj() @ mass @ wave).real for wave in waves.T]
-    return np.asarray(np.sqrt(np.array(values) * scale / density) / (2.0 * np.pi * unit))
+        h, own = thickness / unit, slice(DEGREE * number, DEGREE * (number + 1) + 1)
+        places[own] = start + h * (gauss_lobatto(DEGREE) + 1.0) / 2.0
+        heavy = h / 2.0 * weights
+        mass[own, own] += material.density_kg_m3 / density * (value.T * heavy) @ value
+        within = np.zeros((2, len(value), len(mass)))
+        within[:, :, own] = value, 2.0 / h * slope
+        stiff = cholesky(
+            np.array(material.stiffness_pa) / scale
+        )  # the energy of strains is the square of it times them
+        parts = np.sqrt(heavy)[:, None, None] * (stiff @ _strains(wavevector, value @ places[own], *within))
+        strains.append(parts.reshape(-1, parts.shape[-1]))
+        start += h
+    # all columns of the triangle are exact to rounding in their own size: K^-1 M has the long waves that K's rounding hides
+    (triangle,) = qr(np.concatenate(strains), mode="r", check_finite=False)
+    triangle = triangle[: triangle.shape[1]]
+    inverse = solve_triangular(triangle, cholesky(_moving(wavevector, places, mass), lower=True), trans="C")
+    slowness = np.linalg.svd(inverse, compute_uv=False)[:count]
+    return np.asarray(np.sqrt(scale / density) / (2.0 * np.pi * unit * slowness))
 
 
-def _energy(law: FloatArray, weights: FloatArray, derivatives: ComplexArray, place: slice, wave: ComplexArray) -> float:
-    """Twice the strain energy of a wave in a layer, from its strains at the quadrature points."""
-    gradient = np.einsum("jqa,ai->qij", derivatives, wave[place].reshape(-1, 3))
-    strain = (gradient + gradient.swapaxes(1, 2)) / 2.0
-    return float(np.einsum("q,qij,ijkl,qkl->", weights, strain.conj(), law, strain, optimize=True).real)
+def _strains(wavevector: FloatArray, z: FloatArray, value: FloatArray, slope: FloatArray) -> ComplexArray:
+    """Strains xx, yy, zz, yz, xz, xy at z (q,) of three motions of the whole plate and of every node but the first, (q, 6, n).
+
+    The first motion, u_z = 1 and u_x = -i kx z, has the strains of a curvature alone. In nodes' displacements they would be
+    small differences of large strains, and in long waves nothing but rounding errors.
+    """
+    x, y = wavevector
+    ix, iy, nodes = 1j * x, 1j * y, value.shape[1]
+    out = np.zeros((len(z), 6, 3, nodes), dtype=complex)
+    out[:, 0, 0], out[:, 5, 0], out[:, 4, 0] = ix * value, iy * value, slope
+    out[:, 1, 1], out[:, 5, 1], out[:, 3, 1] = iy * value, ix * value, slope
+    out[:, 2, 2], out[:, 3, 2], out[:, 4, 2] = slope, iy * value, ix * value
+    whole = np.zeros((len(z), 6, 3), dtype=complex)
+    whole[:, [0, 1, 5], 0] = np.outer(z, [x * x, y * y, 2.0 * x * y])
+    whole[:, [0, 5], 1], whole[:, [1, 5], 2] = [ix, iy], [iy, ix]
+    return np.concatenate([whole, out[..., 1:].reshape(len(z), 6, -1)], axis=2)
+
+
+def _moving(wavevector: FloatArray, places: FloatArray, mass: FloatArray) -> ComplexArray:
+    """Mass matrix of the motions of `_strains`, from that of one component's nodes at their places, (n, n)."""
+    nodes = len(places)
+    turned = np.zeros((3, nodes, 3), dtype=complex)
+    turned[0, :, 0], turned[1, :, 0], turned[2, :, 0] = -1j * wavevector[0] * places, -1j * wavevector[1] * places, 1.0
+    turned[0, :, 1] = turned[1, :, 2] = 1.0
+    alone = np.delete(np.eye(3 * nodes), np.arange(3) * nodes, axis=1)
+    motions = np.concatenate([turned.reshape(-1, 3), alone], axis=1)
+    return np.asarray(motions.conj().T @ np.kron(np.eye(3), mass) @ motions)
 
 
 @lru_cache(maxsize=256)

@@ -63,6 +63,33 @@ def test_a_soft_core_holds_the_faces_together_in_long_waves_and_lets_them_bend_a
     assert 0.95 * alone < found < 1.2 * alone and found < 0.6 * both
 
 
+LONG = {
+    "display": STACKS["display"],
+    "bimetal": STACKS["bimetal"],
+    "coated": Stack((Layer(STEEL, 3e-6), Layer(MATERIALS["pmma"], 3e-3))),
+    "glued": Stack((Layer(STEEL, 1e-3), Layer(MATERIALS["pmma"], 1e-3), Layer(MATERIALS["brass"], 1e-3))),
+}
+
+
+@pytest.mark.parametrize("thicknesses", [1e5, 1e6])
+@pytest.mark.parametrize("name", LONG)
+def test_long_waves_are_those_of_the_laminate(name: str, thicknesses: float) -> None:
+    """k^2 sqrt(D / m) with D of a laminate free to stretch along the wave: no digit drowns in the layers' stiffness.
+
+    Shear lowers them by a share that goes as k^2: of the softest, 2.5e-6 at 1e5 thicknesses.
+    """
+    stack, stretch, coupled, bent, z = LONG[name], 0.0, 0.0, 0.0, 0.0
+    for material, thickness in stack.layers:
+        stiff, top = material.as_isotropic.young_pa / (1.0 - material.as_isotropic.poisson**2), z + thickness
+        stretch, coupled = stretch + stiff * thickness, coupled + stiff * (top**2 - z**2) / 2.0
+        bent, z = bent + stiff * (top**3 - z**3) / 3.0, top
+    wave = 2.0 * np.pi / (thicknesses * stack.thickness_m)
+    laminate = wave**2 * np.sqrt((bent - coupled**2 / stretch) / stack.mass_kg_m2) / (2.0 * np.pi)
+    for angle in (0.0, 0.7):
+        found = layered_waves_hz(stack, wave * np.cos(angle), wave * np.sin(angle), 1)[0]
+        assert -1e-9 < 1.0 - found / laminate < 2.5e4 / thicknesses**2 + 1e-9
+
+
 def test_the_first_shear_resonance_is_that_of_waves_through_the_plate() -> None:
     one = Stack.of(2e-3, STEEL)
     assert one.shear_cutoff_hz == STEEL.shear_m_s / 4e-3
