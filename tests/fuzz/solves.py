@@ -34,7 +34,7 @@ def draw_solve(draw: random.Random) -> bytes:
         *shlex.split(draw.choice(COMMANDS)),
         str(SMALL.name),
         "--set",
-        "solve.accuracy=0.3",
+        "solve.accuracy=0.1",
         "--set",
         "bands.points=2",
     ]

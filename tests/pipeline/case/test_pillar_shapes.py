@@ -158,7 +158,7 @@ design = load_case(case, settings).design
 pillar = design.pillar
 sets = [word for each in settings for word in ("--set", each)]
 codes = [main(["predesign", case, *sets, "--json", str(folder / "p.json")]),
-         main(["predesign", case, *sets, "--set", "pillar.shape=square", "--json", str(folder / "q.json")]),
+         main(["predesign", case, "--json", str(folder / "q.json")]),
          main(["export", "step", case, *sets, "-o", str(folder / "p.step")])]
 found = {
     "codes": codes,
