@@ -7,7 +7,7 @@ import random
 import signal
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
@@ -100,11 +100,18 @@ def amounts(count: int) -> dict[str, int]:
 
 
 def run(
-    folder: Path, count: int, seed: int, corpus: Path | None = None, tell: Callable[[str], object] = print
+    folder: Path,
+    count: int,
+    seed: int,
+    corpus: Path | None = None,
+    tell: Callable[[str], object] = print,
+    only: Collection[str] = (),
 ) -> dict[str, Counter[str]]:
-    """Outcomes of each kind; an input that fails is kept in the corpus, and told."""
+    """Outcomes of each kind, or only of some; an input that fails is kept in the corpus, and told."""
     table, result = kinds(folder), {}
     for name, amount in amounts(count).items():
+        if only and name not in only:
+            continue
         result[name] = Counter[str]()
         for one in range(seed, seed + amount):
             data = drawn(name, table[name], one)
