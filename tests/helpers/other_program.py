@@ -18,7 +18,7 @@ from studies.benchmarks.peers.hexahedra import SPARE, nearest
 CORNERS = [0, 4, 3, 1, 7, 5, 2, 6]  # VTK's corners of a hexahedron in the order of scikit-fem
 RIGID = 6  # motions of a free body
 STILL = 1e-2  # of the first elastic mode's frequency: a rigid-body mode in the digits of a computer
-TRIES = 3  # ARPACK's random start may miss some of six equal values, once in ten runs or so
+TRIES = 10  # from a random start each: ARPACK misses some of six equal values once in ten runs or so
 DIGITS = 6  # of a position relative to the lattice vectors
 
 
