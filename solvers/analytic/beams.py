@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
-from geometry.elements import FloatArray
+from geometry.elements import ComplexArray, FloatArray
 from geometry.materials import Material
 from solvers.errors import SolverError, check_above_zero
 
@@ -483,6 +483,32 @@ def _check_beam(beam: Beam, count: int) -> None:
     sizes = (beam.length_m, beam.bending_n_m2, beam.shear_n, beam.mass_kg_m, beam.rotary_kg_m)
     if count < 1 or not all(np.isfinite(size) and size > 0.0 for size in sizes):
         raise SolverError(f"beam {sizes}, count {count}: every number must be finite and above 0")
+
+
+def strained_omegas(strains: FloatArray | ComplexArray, mass: FloatArray | ComplexArray, count: int) -> FloatArray:
+    """Compute the lowest frequencies of K x = omega^2 M x with K = B* B, without forming K, which would lose half the digits.
+
+    With B = Q R and M = L L*, 1 / omega are the largest singular values of R*^-1 L; R keeps each column to its own rounding.
+
+    Parameters
+    ----------
+    strains : ndarray, shape (m, n)
+        B: strains times the roots of their stiffness and weight, m >= n, of full rank.
+    mass : ndarray, shape (n, n)
+        M, positive definite.
+    count : int
+        Number of frequencies.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Ascending.
+    """
+    from scipy.linalg import cholesky, qr, solve_triangular  # slow to import, and uniform beams need none
+
+    triangle = qr(strains, mode="r", check_finite=False)[0][: strains.shape[1]]
+    inverse = solve_triangular(triangle, cholesky(mass, lower=True), trans="C")
+    return 1.0 / np.asarray(np.linalg.svd(inverse, compute_uv=False)[:count])
 
 
 def ritz_frequencies_hz(beam: Beam, left: End, right: End, count: int, rigid_shear: bool = False) -> FloatArray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, gauss_lobatto, lagrange
 from geometry.materials import Stack
+from solvers.analytic.beams import strained_omegas
 from solvers.analytic.plates import Strip, thin_plate_hz
 
 DEGREE = 12  # through each layer: five waves as long as the plate is thick to 1e-10
@@ -36,7 +37,7 @@ def layered_waves_hz(stack: Stack, along_per_m: float, across_per_m: float, coun
     ----------
     .. [1] lamb1917 (docs/references.bib)
     """
-    from scipy.linalg import cholesky, qr, solve_triangular  # slow to import, and only several layers need it
+    from scipy.linalg import cholesky  # slow to import, and only several layers need it
 
     unit, scale, density = stack.thickness_m, stack.mean.average.shear_pa, stack.mean.density_kg_m3
     wavevector = unit * np.array([along_per_m, across_per_m])
@@ -57,12 +58,8 @@ def layered_waves_hz(stack: Stack, along_per_m: float, across_per_m: float, coun
         parts = np.sqrt(heavy)[:, None, None] * (stiff @ _strains(wavevector, value @ places[own], *within))
         strains.append(parts.reshape(-1, parts.shape[-1]))
         start += h
-    # all columns of the triangle are exact to rounding in their own size: K^-1 M has the long waves that K's rounding hides
-    (triangle,) = qr(np.concatenate(strains), mode="r", check_finite=False)
-    triangle = triangle[: triangle.shape[1]]
-    inverse = solve_triangular(triangle, cholesky(_moving(wavevector, places, mass), lower=True), trans="C")
-    slowness = np.linalg.svd(inverse, compute_uv=False)[:count]
-    return np.asarray(np.sqrt(scale / density) / (2.0 * np.pi * unit * slowness))
+    omegas = strained_omegas(np.concatenate(strains), _moving(wavevector, places, mass), count)
+    return np.asarray(omegas * np.sqrt(scale / density) / (2.0 * np.pi * unit))
 
 
 def _strains(wavevector: FloatArray, z: FloatArray, value: FloatArray, slope: FloatArray) -> ComplexArray:

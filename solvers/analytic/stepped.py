@@ -11,10 +11,10 @@ from numpy.polynomial import legendre
 from numpy.polynomial.legendre import leggauss
 
 from geometry.elements import FloatArray
-from solvers.analytic.beams import Beam
+from solvers.analytic.beams import Beam, strained_omegas
 
 ENOUGH = 6  # polynomials of a beam beyond two a frequency
-RIGID = 1e4  # times the shear stiffness, and over it the rotary inertia: none of them
+RIGID = 1e10  # times the shear stiffness, and over it the rotary inertia: none of them
 
 
 def chain_frequencies_hz(beams: Sequence[Beam], count: int, rigid_shear: bool = False) -> FloatArray:
@@ -44,16 +44,15 @@ def chain_frequencies_hz(beams: Sequence[Beam], count: int, rigid_shear: bool = 
     degree, length = 2 * count + ENOUGH, sum(beam.length_m for beam in beams)
     own = degree + 1
     size = 2 * (len(beams) * degree + 1)
-    stiffness, mass = np.zeros((size, size)), np.zeros((size, size))
+    strains, mass = [], np.zeros((size, size))
     for number, beam in enumerate(beams):
         places = np.concatenate([own_places + number * degree for own_places in (_order(own), size // 2 + _order(own))])
-        for whole, part in zip((stiffness, mass), _matrices(beam, degree, length, rigid_shear), strict=True):
-            whole[np.ix_(places, places)] += part
-    from scipy.linalg import eigh  # slow to import, and pillars of one section need none
-
+        strained, heavy = _matrices(beam, degree, length, rigid_shear)
+        strains.append(np.zeros((len(strained), size)))
+        strains[-1][:, places] = strained
+        mass[np.ix_(places, places)] += heavy
     free = np.setdiff1d(np.arange(size), [0, size // 2])
-    values = eigh(stiffness[np.ix_(free, free)], mass[np.ix_(free, free)], eigvals_only=True)
-    return np.asarray(np.sqrt(np.maximum(values[:count], 0.0)) / (2.0 * pi))
+    return strained_omegas(np.concatenate(strains)[:, free], mass[np.ix_(free, free)], count) / (2.0 * pi)
 
 
 def _order(count: int) -> np.ndarray:
@@ -77,7 +76,7 @@ def _polynomials(degree: int, points: int) -> tuple[FloatArray, FloatArray, Floa
 
 
 def _matrices(beam: Beam, degree: int, unit_m: float, rigid_shear: bool) -> tuple[FloatArray, FloatArray]:
-    """K and M over [w / unit_m, psi], (2 n, 2 n) each."""
+    """Strains, whose squares are the energy, and M over [w / unit_m, psi], (2 points, 2 n) and (2 n, 2 n)."""
     s, weights, (value, slope) = _polynomials(degree, degree + ENOUGH)
     ratio = np.ones_like(s) if beam.width_ratio is None else beam.width_ratio(s)
     length, weights = beam.length_m, weights * beam.length_m
@@ -87,6 +86,6 @@ def _matrices(beam: Beam, degree: int, unit_m: float, rigid_shear: bool) -> tupl
     slid = np.hstack([unit_m / length * slope, -value])
     turned = np.hstack([np.zeros_like(slope), slope / length])
     moved, tilted = (np.hstack(pair) for pair in ((unit_m * value, 0.0 * value), (0.0 * value, value)))
-    stiffness = shear * slid.T @ (area[:, None] * slid) + beam.bending_n_m2 * turned.T @ (about[:, None] * turned)
+    strains = np.sqrt(np.concatenate([shear * area, beam.bending_n_m2 * about]))[:, None] * np.vstack([slid, turned])
     mass = beam.mass_kg_m * moved.T @ (area[:, None] * moved) + rotary * tilted.T @ (about[:, None] * tilted)
-    return np.asarray(stiffness), np.asarray(mass)
+    return np.asarray(strains), np.asarray(mass)

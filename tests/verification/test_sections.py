@@ -13,7 +13,7 @@ from geometry.materials import MATERIALS
 from pipeline.case.model import Case, case_from_dict
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import Request, solve_modes
-from solvers.analytic.predesign import pillar_frequencies_hz
+from solvers.analytic.predesign import Theory, pillar_frequencies_hz
 from solvers.errors import SolverError
 from solvers.plates.strip import bending_effective_mass
 from tests.helpers.asked import bands_of
@@ -37,9 +37,25 @@ def test_a_cut_beam_is_the_whole_one(heights: tuple[float, ...]) -> None:
     exact = pillar_frequencies_hz(whole, "timoshenko", 3)
     assert pillar_frequencies_hz(cut, "timoshenko", 3) == pytest.approx(exact, rel=1e-8)
     thin = pillar_frequencies_hz(whole, "euler", 3)
-    assert pillar_frequencies_hz(cut, "euler", 3) == pytest.approx(
-        thin, rel=5e-4
-    )  # a ten-thousandth of the shear is left
+    assert pillar_frequencies_hz(cut, "euler", 3) == pytest.approx(thin, rel=1e-8)
+
+
+@pytest.mark.parametrize("theory", ["euler", "timoshenko"])
+def test_rounding_takes_no_digits_of_stiff_sections_on_soft_ones(theory: Theory) -> None:
+    """Lengths times s, frequencies over s: what differs is rounding, which shear without end had raised to 1e-4."""
+    hz = [
+        s
+        * pillar_frequencies_hz(
+            Pillar(
+                "square", 2.6e-3 * s, 2.6e-3 * s, 4e-3 * s, EPOXY, upper=(Section.square(1.3e-3 * s, 2e-3 * s, LEAD),)
+            ),
+            theory,
+            2,
+        )
+        for s in (1.0, 0.037, 17.0, 1.01)
+    ]
+    for other in hz[1:]:
+        assert other == pytest.approx(hz[0], rel=1e-9)
 
 
 def test_a_heavy_body_on_a_soft_neck_is_an_oscillator() -> None:
