@@ -95,7 +95,7 @@ MAX_LAYERS = 20
 """Each has elements and boundary functions of its own."""
 MIN_GAP = 2.5e-4
 """Gap between two pillars relative to the footprint: an element there is as wide as the gap and as long as the foot.
-A wall closer to its cell's side than solvers.waves.bloch.OUTMOST of the pitch, here two fifths of the gap, counts as side.
+Half of it lies between a pillar and its cell's side; a wall within solvers.waves.bloch.OUTMOST would pass for that side.
 """
 MAX_CONTRAST = 1e8
 """Ratio of the Young's moduli of plate and pillar up to which the study `extremes` verified the solver."""

@@ -17,7 +17,7 @@ DEGREE = 12  # through each layer: five waves as long as the plate is thick to 1
 def layered_waves_hz(stack: Stack, along_per_m: float, across_per_m: float, count: int = 3) -> FloatArray:
     """Compute the lowest waves of an infinite plate at a wavevector; the first is the flexural one where waves are long.
 
-    u = U(z) exp(i(kx x + ky y)): K = sum over the layers of int B* C B dz with the strains B of [1]_, M = int rho N N dz.
+    u = U(z) exp(i(kx x + ky y)): K = int B* C B dz with the strains B of the motions U, M = int rho U* U dz.
 
     Parameters
     ----------
@@ -41,24 +41,22 @@ def layered_waves_hz(stack: Stack, along_per_m: float, across_per_m: float, coun
 
     unit, scale, density = stack.thickness_m, stack.mean.average.shear_pa, stack.mean.density_kg_m3
     wavevector = unit * np.array([along_per_m, across_per_m])
-    strains, mass = [], np.zeros(2 * [DEGREE * len(stack.layers) + 1])
+    nodes = DEGREE * len(stack.layers) + 1
+    strains, mass, places = [], np.zeros((nodes, nodes)), np.zeros(nodes)  # of one component, from the plate's middle
     value, slope, weights = _functions()
-    places = np.zeros(len(mass))  # of the nodes, from the middle of the plate
     start = -0.5
     for number, (material, thickness) in enumerate(stack.layers):
         h, own = thickness / unit, slice(DEGREE * number, DEGREE * (number + 1) + 1)
         places[own] = start + h * (gauss_lobatto(DEGREE) + 1.0) / 2.0
+        start += h
         heavy = h / 2.0 * weights
         mass[own, own] += material.density_kg_m3 / density * (value.T * heavy) @ value
-        within = np.zeros((2, len(value), len(mass)))
+        within = np.zeros((2, len(value), nodes))
         within[:, :, own] = value, 2.0 / h * slope
-        stiff = cholesky(
-            np.array(material.stiffness_pa) / scale
-        )  # the energy of strains is the square of it times them
-        parts = np.sqrt(heavy)[:, None, None] * (stiff @ _strains(wavevector, value @ places[own], *within))
+        root = cholesky(np.array(material.stiffness_pa) / scale)  # root' root = C
+        parts = np.sqrt(heavy)[:, None, None] * (root @ _strains(wavevector, value @ places[own], *within))
         strains.append(parts.reshape(-1, parts.shape[-1]))
-        start += h
-    omegas = strained_omegas(np.concatenate(strains), _moving(wavevector, places, mass), count)
+    omegas = strained_omegas(np.concatenate(strains), _mass(wavevector, places, mass), count)
     return np.asarray(omegas * np.sqrt(scale / density) / (2.0 * np.pi * unit))
 
 
@@ -80,14 +78,14 @@ def _strains(wavevector: FloatArray, z: FloatArray, value: FloatArray, slope: Fl
     return np.concatenate([whole, out[..., 1:].reshape(len(z), 6, -1)], axis=2)
 
 
-def _moving(wavevector: FloatArray, places: FloatArray, mass: FloatArray) -> ComplexArray:
+def _mass(wavevector: FloatArray, places: FloatArray, mass: FloatArray) -> ComplexArray:
     """Mass matrix of the motions of `_strains`, from that of one component's nodes at their places, (n, n)."""
     nodes = len(places)
-    turned = np.zeros((3, nodes, 3), dtype=complex)
-    turned[0, :, 0], turned[1, :, 0], turned[2, :, 0] = -1j * wavevector[0] * places, -1j * wavevector[1] * places, 1.0
-    turned[0, :, 1] = turned[1, :, 2] = 1.0
+    whole = np.zeros((3, nodes, 3), dtype=complex)
+    whole[:2, :, 0], whole[2, :, 0] = -1j * np.outer(wavevector, places), 1.0
+    whole[0, :, 1] = whole[1, :, 2] = 1.0
     alone = np.delete(np.eye(3 * nodes), np.arange(3) * nodes, axis=1)
-    motions = np.concatenate([turned.reshape(-1, 3), alone], axis=1)
+    motions = np.concatenate([whole.reshape(-1, 3), alone], axis=1)
     return np.asarray(motions.conj().T @ np.kron(np.eye(3), mass) @ motions)
 
 

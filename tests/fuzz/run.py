@@ -105,12 +105,12 @@ def run(
     seed: int,
     corpus: Path | None = None,
     tell: Callable[[str], object] = print,
-    only: Collection[str] = (),
+    only: Collection[str] | None = None,
 ) -> dict[str, Counter[str]]:
     """Outcomes of each kind, or only of some; an input that fails is kept in the corpus, and told."""
     table, result = kinds(folder), {}
     for name, amount in amounts(count).items():
-        if only and name not in only:
+        if only is not None and name not in only:
             continue
         result[name] = Counter[str]()
         for one in range(seed, seed + amount):

@@ -15,7 +15,7 @@ from tests.helpers.asked import solve_bands
 
 CASE = Path(__file__).resolve().parents[2] / "studies" / "three-rows.toml"
 COARSE, FINE = (0.03, 0.01, 0.003), 0.0005
-FINE_PLATE = FINE_BANDS = 0.001  # a third of the finest that is compared with it: the bars of both are added
+FINE_LARGE = 0.001  # of plates, zones and bands: a third of the finest that is compared with it, whose bar is added
 HOLDS = 0.95
 ALLOY = "brass"
 CALM = TerminalLog(True)
@@ -93,7 +93,7 @@ def share(pairs: list[tuple[int, int]]) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "finest"), [("pillar", FINE), ("zone", FINE_PLATE)])
+@pytest.mark.parametrize(("name", "finest"), [("pillar", FINE), ("zone", FINE_LARGE)])
 def test_bars_of_lone_parts(name: str, finest: float) -> None:
     pairs = []
     for overrides in scenes(12):
@@ -188,7 +188,7 @@ def plates(count: int) -> list[list[str]]:
 def test_bars_of_plates_and_of_their_confinement() -> None:
     tones, levels = [], []
     for overrides in plates(6):
-        fine, fine_bar, fine_db, fine_db_bar = target("plate", overrides, FINE_PLATE)
+        fine, fine_bar, fine_db, fine_db_bar = target("plate", overrides, FINE_LARGE)
         for accuracy in COARSE:
             coarse, bar, db, db_bar = target("plate", overrides, accuracy)
             assert None not in (fine_db, fine_db_bar, db, db_bar)
@@ -202,7 +202,7 @@ def test_bars_of_plates_and_of_their_confinement() -> None:
 def test_bars_of_bands() -> None:
     pairs = []
     for overrides in scenes(5):
-        fine = bands(overrides, FINE_BANDS)
+        fine = bands(overrides, FINE_LARGE)
         pairs += [within_bars(bands(overrides, accuracy), fine) for accuracy in COARSE]
     assert sum(count for _, count in pairs) >= 300
     assert share(pairs) >= HOLDS, pairs

@@ -14,6 +14,7 @@ import pytest
 from geometry.layout import Pillar
 from pipeline.batch import case_study
 from pipeline.batch.study_file import load_study
+from pipeline.case.limits import MIN_GAP
 from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.case.reading import read_toml
 from pipeline.case.schema import ToleranceTable
@@ -500,6 +501,14 @@ def test_the_window_of_a_rigid_shape_reaches_to_the_clamped_beam_across() -> Non
         design = load_case(STUDIES / "three-rows.toml", [f"zone.nodal_lines={lines}", "patches.sensors=[]"]).design
         low, high = mesh_rules.target_window_hz(design)
         assert high / low * mesh_rules.WINDOW[0] == pytest.approx(2.2669, rel=1e-4)
+
+
+@pytest.mark.parametrize("shape", ["square", "tapered"])
+def test_a_wall_beside_the_narrowest_gap_does_not_pass_for_the_cells_side(shape: str) -> None:
+    side_mm = 4.0 / (1.0 + 1.001 * MIN_GAP)
+    sizes = f"pillar.{'base' if shape == 'tapered' else 'side'}_mm={side_mm!r}"
+    narrow = case("array.pitch_mm=4", f"pillar.shape={shape}", sizes, *(["pillar.tip_mm=1"] * (shape == "tapered")))
+    assert coarse_cell(narrow.design, 6).bands_end_hz(0.9e6) > 0.0  # MeshError for sides that do not match
 
 
 def test_many_coarse_cells_hold_the_matrices_of_one() -> None:
