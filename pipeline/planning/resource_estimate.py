@@ -84,7 +84,7 @@ KEPT, ABOUT_FEET = 0.45, 1.5
 # of a mode's motion on a panel's touch face: of some 420 points, whole and in two parts
 MEASURED_BYTES = 2.5 * 8.0 * 420.0
 CLASS_MATRICES = 3  # of a symmetry class: its K, its M and one shifted
-PILOT_BYTES = 0.15 * GIB  # heap that the solves of a coarse cell leave behind
+PILOT_BYTES = 0.07 * GIB  # heap that the solves of a coarse cell leave behind
 SKIN = 0.4  # of a panel's nodes that lie on its surface
 EMBEDDED = 2.2  # entries of the real embedding over those of the cell
 SPLIT_BYTES, SPLIT_KEPT = 70.0, 16.0  # per entry, while the cell is split by phases, and afterwards

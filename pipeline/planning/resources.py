@@ -16,7 +16,7 @@ from solvers.fem.cost import Cost
 from solvers.machine import available_bytes
 
 GIB = 2.0**30
-BASE_BYTES = 0.25 * GIB  # the program with its libraries
+BASE_BYTES = 0.18 * GIB  # the program with its libraries, once a small plan is made
 CAD_BYTES = 0.45 * GIB  # those of CAD and tetrahedra
 START_S = 3.0  # to load them
 SPEED = 4e9  # operations per second and core
