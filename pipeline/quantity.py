@@ -39,7 +39,8 @@ FREQUENCY_UNITS = (Unit("GHz", 1e9), Unit("MHz", 1e6), Unit("kHz", KHZ), HZ)
 
 def several(count: int, noun: str, shown: str | None = None) -> str:
     """Write a count with its noun, in the plural unless it is one; `shown` in the place of the digits."""
-    return f"{count if shown is None else shown} {noun}{'' if count == 1 else 's'}"
+    ending = "" if count == 1 else "es" if noun.endswith("ch") else "s"
+    return f"{count if shown is None else shown} {noun}{ending}"
 
 
 def is_known(value: float | None) -> bool:

@@ -25,7 +25,7 @@ from pipeline.planning import driven_demand, mesh_rules, resource_estimate, simp
 from pipeline.planning.model_choice import ModelChoice, driven_band_hz, model_choice_of, response_high_hz
 from pipeline.planning.refinement import WidestBar
 from pipeline.planning.resources import ResourceEstimate
-from pipeline.quantity import MM, figure, frequency, interval
+from pipeline.quantity import MM, figure, frequency, interval, several
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
 from solvers.control.identification import half_power_points
@@ -325,7 +325,7 @@ def solve(
             )
             _warn_of_shape(zone, driven[-1], log)
     return {
-        "model": f"{forced.plate.name} with {patches.count} patches",
+        "model": f"{forced.plate.name} with {several(patches.count, 'patch')}",
         "dof": sum(group.pencil.dof for group in forced.plate.groups),
         "shared_rows": design.shared_rows,
         "gap_m": design.zone_gap_m if design.zones > 1 else _gap_m(design),

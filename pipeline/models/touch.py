@@ -18,7 +18,7 @@ from pipeline.case.model import Case, Touch
 from pipeline.logs import Log
 from pipeline.models.answer_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
 from pipeline.models.forced import forced_plate
-from pipeline.quantity import GIB, KHZ, UM, figure, frequency, interval
+from pipeline.quantity import GIB, KHZ, UM, figure, frequency, interval, several
 from pipeline.records.part import Part
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
@@ -470,7 +470,7 @@ def _about(session: Session) -> dict[str, Any]:
     """Return the properties of the finger, and the reasons for missing figures."""
     touch, plate, finger = session.touch, session.touched.plate, session.touched.finger
     return {
-        "model": f"{plate.name} with {len(plate.patches)} patches",
+        "model": f"{plate.name} with {several(len(plate.patches), 'patch')}",
         "dof": sum(group.pencil.dof for group in plate.everything),
         "fingertip": touch.tip.name,
         "source": touch.tip.source,

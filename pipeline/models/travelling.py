@@ -16,7 +16,7 @@ from pipeline.logs import Log
 from pipeline.models.answer_parts import PatternMode, ShearRecord
 from pipeline.models.forced import forced_plate
 from pipeline.models.touch import contacts_at, missing_at_ends
-from pipeline.quantity import GIB, KHZ, MM, UM, figure
+from pipeline.quantity import GIB, KHZ, MM, UM, figure, several
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
 from solvers.driven.curve_bars import Contacts
@@ -333,7 +333,7 @@ def _values(wave: Travelling, design: Design, strains: Strains) -> dict[str, Any
     shares = [share_of(wave.table, design, lines) for lines in _neighbours(design)]
     own = [int(np.argmax([share[mode] for share in shares])) for mode in pair.modes]
     return {
-        "model": f"{plate.plate.name} with {len(plate.plate.patches)} patches",
+        "model": f"{plate.plate.name} with {several(len(plate.plate.patches), 'patch')}",
         "dof": sum(group.pencil.dof for group in plate.plate.groups),
         "frequency_hz": tone,
         "modes": [

@@ -24,6 +24,7 @@ from pipeline.planning.model_choice import (
 )
 from pipeline.planning.resources import ResourceEstimate, shortfall
 from pipeline.planning.simplifications import Simplification, khz
+from pipeline.quantity import several
 
 RESPONSE_POINTS = 401
 
@@ -149,7 +150,8 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) 
     assert patches is not None
     low, high = driven_band_hz(case, band_hz)
     choice = driven_demand.as_driven(case, model_choice_of(case, "plate", response_high_hz(case, (low, high))))
-    looks = f"{points} frequencies from {khz(low)} to {khz(high)}, more around the peak; {patches.count} patches"
+    own = several(patches.count, "patch")
+    looks = f"{points} frequencies from {khz(low)} to {khz(high)}, more around the peak; {own}"
     numbers = {
         "band_hz": [low, high],
         "frequencies": points,

@@ -215,7 +215,7 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
             return
         khz = np.array([frequency for frequency, _ in passed]) / KHZ
         flexural, turned = np.array([(share.flexural, share.shear + share.longitudinal) for _, share in passed]).T
-        ax.plot(khz, flexural, color=style.BLUE, label=f"through {self.rows} rows, flexural")
+        ax.plot(khz, flexural, color=style.BLUE, label=f"through {several(self.rows, 'row')}, flexural")
         ax.plot(khz, turned, color=style.ORANGE, ls="--", label="converted into in-plane waves")
         ax.set_yscale("symlog", linthresh=1e-4)
         ax.set_ylim(0.0, 1.5)
@@ -227,7 +227,7 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
         return (
             "Attenuation per row of flexural, shear and longitudinal waves over frequency; the least attenuated "
             f"flexural wave decays most, {most} per row, at {frequency(deepest.frequency_hz)}; below, the power "
-            f"transmitted by {self.rows} rows"
+            f"transmitted by {several(self.rows, 'row')}"
         )
 
     def __repr__(self) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from pipeline.case.features import CELL, GROUPS, OBLIQUE
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.answer_parts import BroadbandPoint
-from pipeline.quantity import KHZ, frequency_with_bar, interval, with_bar
+from pipeline.quantity import KHZ, frequency_with_bar, interval, several, with_bar
 from pipeline.quantity import figure as in_digits
 from pipeline.questions.attenuation import over
 from pipeline.questions.bands import check_own_cell
@@ -111,10 +111,10 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the model, some frequencies, the intervals and the target mode of the column."""
-        yield f"{self.model}, kx = {in_digits(self.kx_per_m)} rad/m, {self.rows} rows"
+        yield f"{self.model}, kx = {in_digits(self.kx_per_m)} rad/m, {several(self.rows, 'row')}"
         yield self.reading(("taken_error_db",), SHOWN)
         stretches = {
-            f"stopped ({self.rows} rows transmit at most a tenth of the power)": self.stopped,
+            f"stopped (at most a tenth of the power passes {several(self.rows, 'row')})": self.stopped,
             f"driven motion confined by {confinement.CONFINED_DB:g} dB or more": self.confined,
         }
         for what, windows in stretches.items():
@@ -130,7 +130,7 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         """Draw the attenuation by the rows and the confinement of the driven zone, the column's target mode marked."""
         khz = self.frequency_hz / KHZ
         taken = [point.taken_db for point in self.points]
-        ax.plot(khz, taken, color=style.BLUE, label=f"attenuation by {self.rows} rows")
+        ax.plot(khz, taken, color=style.BLUE, label=f"attenuation by {several(self.rows, 'row')}")
         look: dict[str, Any] = {"color": style.ORANGE, "lw": 0.9, "ls": "--"}
         ax.plot(khz, self.confinement_db, label="confinement of the driven zone", **look)
         if self.target_hz is not None and self.target_db is not None:
@@ -144,7 +144,7 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         """Return the picture of attenuation and confinement over frequency."""
         bands = ", ".join(interval(low, high, *self.end_errors([low, high])) for low, high in self.stopped) or "nowhere"
         least = f"at least {confinement.CONFINED_DB:g} at {bands}"
-        alt = f"Over frequency: attenuation of a flexural wave by {self.rows} rows in dB, {least}; "
+        alt = f"Over frequency: attenuation of a flexural wave by {several(self.rows, 'row')} in dB, {least}; "
         title, more = "Attenuation by the rows and confinement over frequency", "and confinement of the driven zone"
         return [style.ReportFigure("broadband", title, alt + more, self.as_figure(), vector=True)]
 

@@ -8,7 +8,7 @@ from typing import Any
 from pipeline.case.features import LARGER, PLACES, STRESS, SUPPORTS, ZONES
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.answer_parts import DrivenZone, worst_of
-from pipeline.quantity import KHZ, MM, NM, frequency_with_bar, level, level_figure, level_with_bar
+from pipeline.quantity import KHZ, MM, NM, frequency_with_bar, level, level_figure, level_with_bar, several
 from pipeline.questions.late import Axes, Case, Plan, ReportFigure, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure, figure_at, stacked
@@ -58,7 +58,7 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
 
     def lines(self) -> Iterator[str]:
         """Yield the gap and one line per driven zone."""
-        between = f"{self.shared_rows} rows" if self.shared_rows else "no row"
+        between = several(self.shared_rows, "row") if self.shared_rows else "no row"
         head = f"{len(self.zones)} zones, {self.gap_m / MM:g} mm and {between} between neighbours"
         if any(zone.centre_x_m for zone in self.zones):
             head = f"{len(self.zones)} zones, at least {self.gap_m / MM:g} mm between their borders"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.layout import Design, region_materials
 from pipeline.case.features import OF_A_PLATE
-from pipeline.quantity import GRAM, MM, figure, percentage, signed
+from pipeline.quantity import GRAM, MM, figure, percentage, several, signed
 from pipeline.questions.late import Case, Plan
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result, figure_at
@@ -101,7 +101,7 @@ def about(case: Case) -> dict[str, str]:
 
     return {
         "Title": case.name,
-        "Description": f"touch plate, {case.design.rows} rows of pillars per side; touch face down on the build plate; "
-        f"design {input_hash(case.to_dict())}",
+        "Description": f"touch plate, {several(case.design.rows, 'row')} of pillars per side; "
+        f"touch face down on the build plate; design {input_hash(case.to_dict())}",
         "Application": "antinode",
     }

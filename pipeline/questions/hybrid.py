@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.errors import InputError
-from pipeline.quantity import KHZ, frequency, frequency_with_bar, level, level_with_bar, percentage, with_bar
+from pipeline.quantity import KHZ, frequency, frequency_with_bar, level, level_with_bar, percentage, several, with_bar
 from pipeline.questions.late import Axes, Case, FloatArray, Plan, ReportFigure, confinement, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Figure, Result, figure, stacked
@@ -271,7 +271,7 @@ class Hybrid(
         for _ in range(3):
             demand = demand.then(step.demand)
         plates = "four plates: nominal, without rows, pillars detuned both ways"
-        looks = f"{self.points} frequencies, {case.patches.count} patches; {plates}"
+        looks = f"{self.points} frequencies, {several(case.patches.count, 'patch')}; {plates}"
         about = {"measure": self.name, "name": "rows and patches together", "looks_for": looks, "demand": demand}
         return plans.plan_of(case, replace(step, **about))  # type: ignore[arg-type]
 
@@ -286,7 +286,8 @@ class Hybrid(
         patches, plate, inside = case.patches, solved.forced.plate, int(driven_inside(case).sum())
         assert patches is not None
         result = HybridResult.of(
-            solved, model=f"{plate.name} with {patches.count} patches", dof=sum(len(group.loads) for group in plate.groups),
+            solved, model=f"{plate.name} with {several(patches.count, 'patch')}",
+            dof=sum(len(group.loads) for group in plate.groups),
             inside=inside, behind=len(patches.drivers) - inside, detuning=DETUNING, alpha=self.alpha,
             methods=[_method(name, *figures) for name, figures in solved.methods.items()],
         )  # fmt: skip

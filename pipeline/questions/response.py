@@ -11,7 +11,7 @@ from pipeline.case.features import LARGER, PLACES, STRESS, SUPPORTS
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_SEED
 from pipeline.errors import InputError
 from pipeline.measured.parts import MeasuredRecord
-from pipeline.quantity import KHZ, MM, NM, UM, frequency, frequency_with_bar, level, level_with_bar, with_bar
+from pipeline.quantity import KHZ, MM, NM, UM, frequency, frequency_with_bar, level, level_with_bar, several, with_bar
 from pipeline.quantity import figure as in_digits
 from pipeline.questions.attenuation import over
 from pipeline.questions.late import Axes, Case, FloatArray, Plan, ReportFigure, np, outputs, plans, style
@@ -192,7 +192,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         same = target if own and solved.highest.is_at(own.frequency_hz, forced.loss_at(own.frequency_hz)) else None
         circuit = {name: getattr(shift, name, None) for name in ("short_hz", "open_hz", "coupling")}
         return cls(
-            model=f"{forced.plate.name} with {patches.count} patches",
+            model=f"{forced.plate.name} with {several(patches.count, 'patch')}",
             dof=sum(group.pencil.dof for group in forced.plate.groups),
             frequency_hz=curve.frequency_hz.tolist(),
             zone_rms_m_per_V=curve.zone_rms_m_per_v.tolist(),

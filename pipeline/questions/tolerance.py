@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.case.features import LARGER, SUPPORTS
 from pipeline.case.limits import MAX_SAMPLES, MAX_SEED
 from pipeline.models.answer_parts import SampleRecord, SpreadRecord, known, spread_of, statistics
-from pipeline.quantity import KHZ, NM, figure, frequency, interval, level, percent, signed
+from pipeline.quantity import KHZ, NM, figure, frequency, interval, level, percent, several, signed
 from pipeline.questions.late import Axes, Case, Plan, ReportFigure, confinement, np, plans, style
 from pipeline.questions.question import Declared, Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at
@@ -105,11 +105,11 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         from pipeline.search.fidelity import column_level_error_db
 
         if self.frequency_error is None:
-            return f"{self.pillars} pillars, driven by {self.drive}"
+            return f"{several(self.pillars, 'pillar')}, driven by {self.drive}"
         level = self.plate_design and column_level_error_db(self.nominal.confinement_db, self.plate_design.nodal_lines)
         return (
-            f"{self.pillars} pillars, one deviation shared by all of a plate; a column of cells represents the plate, "
-            f"within {percent(self.frequency_error)} of its frequency"
+            f"{several(self.pillars, 'pillar')}, one deviation shared by all of a plate; "
+            f"a column of cells represents the plate, within {percent(self.frequency_error)} of its frequency"
             + (f" and {figure(level, level)} dB of its confinement" if level else "")
         )
 
@@ -210,7 +210,7 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         )
 
     def __repr__(self) -> str:
-        return f"<antinode.Tolerance: {len(self.samples)} samples>"
+        return f"<antinode.Tolerance: {several(len(self.samples), 'sample')}>"
 
 
 class _Drawn(Declared):

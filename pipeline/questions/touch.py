@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from pipeline.case.features import LARGER, PLACES, STRESS, SUPPORTS
 from pipeline.models.answer_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
-from pipeline.quantity import MM, UM, frequency, frequency_with_bar, level_with_bar, signed, with_bar
+from pipeline.quantity import MM, UM, frequency, frequency_with_bar, level_with_bar, several, signed, with_bar
 from pipeline.quantity import figure as in_digits
 from pipeline.questions.late import Axes, Case, Plan, ReportFigure, fields, np, plans, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
@@ -218,7 +218,7 @@ class Touch(
         assert touch is not None and case.patches is not None
         left_out = tuple(each for each in step.left_out if each.rule != "undriven_classes")
         places = ", and at every position of a map" * self.mapped
-        looks = f"the target mode under {touch.tip.name} and free{places}; {case.patches.count} patches"
+        looks = f"the target mode under {touch.tip.name} and free{places}; {several(case.patches.count, 'patch')}"
         classes = step.classes if step.classes == ("whole",) else simplifications.CLASSES
         about = {"measure": self.name, "name": "a finger on the plate", "classes": classes, "looks_for": looks}
         return plans.plan_of(case, replace(step, left_out=left_out, **about))  # type: ignore[arg-type]

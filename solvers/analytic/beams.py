@@ -192,31 +192,6 @@ def _check_ends(*ends: str) -> None:
             raise SolverError(f"end condition {end!r}: must be one of {', '.join(VANISHING)}")
 
 
-def rigid_count(left: End, right: End) -> int:
-    """Count the rigid-body modes that two ends leave: 2 for free-free, 1 for pinned-free, sliding-free and sliding-sliding.
-
-    Parameters
-    ----------
-    left, right : str
-        End conditions.
-
-    Returns
-    -------
-    int
-        0, 1 or 2.
-
-    Raises
-    ------
-    SolverError
-        For an unknown end condition.
-    """
-    _check_ends(left, right)
-    constraints = np.array(
-        [[1.0, s] if n == 0 else [0.0, 1.0] for s, end in ((0.0, left), (1.0, right)) for n in VANISHING[end] if n < 2]
-    ).reshape(-1, 2)
-    return 2 - int(np.linalg.matrix_rank(constraints)) if constraints.size else 2
-
-
 def roots(left: End, right: End, count: int) -> tuple[float, ...]:
     """Compute the first values of beta L above 0 from sign changes of the determinant of the end conditions.
 
@@ -547,14 +522,14 @@ def ritz_frequencies_hz(beam: Beam, left: End, right: End, count: int, rigid_she
 
 def _ritz_omegas(beam: Beam, left: End, right: End, count: int) -> FloatArray:
     """Dimensionless elastic frequencies omega sqrt(rho A L^4/EI) by Ritz, ascending, (count,)."""
-    degree = 2 * count + ENOUGH
-    stiffness, mass = _matrices(beam, degree)
-    from scipy.linalg import eigh, null_space  # slow to import, and uniform beams need none
+    from scipy.linalg import null_space  # slow to import, and uniform beams need none
 
-    basis = null_space(_constraints(beam, left, right, degree))
-    values = eigh(basis.T @ stiffness @ basis, basis.T @ mass @ basis, eigvals_only=True)
-    rigid = rigid_count(left, right)
-    return np.sqrt(np.abs(values[rigid : rigid + count]))
+    degree = 2 * count + ENOUGH
+    (strains, mass), held = _strains_and_mass(beam, degree), _constraints(beam, left, right, degree)
+    still = np.eye(2, held.shape[1])  # w = 1 and w = 2 s - 1, which turns by psi = 2
+    rigid = null_space(held @ still.T).T @ still
+    basis = null_space(np.vstack([held, rigid @ mass]))
+    return strained_omegas(strains @ basis, basis.T @ mass @ basis, count)
 
 
 def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
@@ -691,16 +666,17 @@ def _rows(points: FloatArray, beam: Beam, degree: int) -> tuple[FloatArray, Floa
     )
 
 
-def _matrices(beam: Beam, degree: int) -> tuple[FloatArray, FloatArray]:
+def _strains_and_mass(beam: Beam, degree: int) -> tuple[FloatArray, FloatArray]:
+    """B, whose rows are curvature and shear at points times the roots of their stiffness and weight, and M."""
     points, weights = legendre.leggauss(degree + 12)
     ratio = np.ones_like(points) if beam.width_ratio is None else beam.width_ratio((points + 1.0) / 2.0)
+    area, bent = weights / 2.0 * ratio**2, weights / 2.0 * ratio**4
     deflection, rotation, bending, shear = _rows(points, beam, degree)
-    stiffness = _gram(bending, weights * ratio**4) + _gram(shear, weights * ratio**2 * beam.flexibility)
-    mass = _gram(deflection, weights * ratio**2) + _gram(rotation, weights * ratio**4 * beam.rotation)
+    strains = np.vstack([np.sqrt(bent)[:, None] * bending, np.sqrt(area * beam.flexibility)[:, None] * shear])
+    mass = _gram(deflection, area) + _gram(rotation, bent * beam.rotation)
     heavy, turned, arm = beam.end_shares
     deflection, rotation, _, _ = _rows(np.array([1.0]), beam, degree)
-    at_end = _gram(deflection + arm * rotation, np.array([heavy])) + _gram(rotation, np.array([turned]))
-    return stiffness / 2.0, mass / 2.0 + at_end
+    return strains, mass + _gram(deflection + arm * rotation, np.array([heavy])) + _gram(rotation, np.array([turned]))
 
 
 def _gram(rows: FloatArray, weights: FloatArray) -> FloatArray:

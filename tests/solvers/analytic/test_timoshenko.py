@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geometry.materials import MATERIALS
-from solvers.analytic.beams import VANISHING, Beam, beam_of, exact_omegas, rigid_count, ritz_frequencies_hz, roots
+from solvers.analytic.beams import VANISHING, Beam, beam_of, exact_omegas, ritz_frequencies_hz, roots
 from solvers.errors import SolverError
 from tests.helpers.beams import round_beam, square_beam
 
@@ -22,12 +22,12 @@ def exact_hz(beam: Beam, left: str, right: str, count: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("left", "right"), PAIRS)
-@pytest.mark.parametrize("slenderness", [1.0, 3.15, 50.0])
+@pytest.mark.parametrize("slenderness", [1.0, 3.15, 50.0, 1e5])
 def test_exact_against_ritz(left, right, slenderness):
-    """Slenderness 1 puts most of the ten modes above the cut-off, where two families interleave."""
+    """Slenderness 1 puts most of the ten modes above the cut-off, where two families interleave; 1e5 costs no digits."""
     beam = square_beam(slenderness * 2e-3, 2e-3, *ALUMINIUM)
     exact, ritz = exact_hz(beam, left, right, 10), ritz_frequencies_hz(beam, left, right, 10)
-    assert ritz == pytest.approx(exact, rel=1e-6)
+    assert ritz == pytest.approx(exact, rel=1e-9)
     assert np.all(np.diff(exact) > 0.0)
 
 
@@ -84,13 +84,6 @@ def test_tapered_beam_against_finite_elements(hermite_omegas):
 def test_taper_is_not_ignored_by_the_exact_route():
     with pytest.raises(SolverError, match="tapered"):
         exact_omegas(Beam(1.0, 1.0, 1.0, 1.0, 1.0, lambda s: 1.0 - s), "clamped", "free", 1)
-
-
-@pytest.mark.parametrize(("left", "right"), PAIRS)
-def test_ritz_finds_the_rigid_motions(left, right):
-    beam = square_beam(6e-3, 2e-3, *ALUMINIUM)
-    first = ritz_frequencies_hz(beam, left, right, 1)[0]
-    assert first > 1e3, f"{rigid_count(left, right)} rigid-body modes"
 
 
 @pytest.mark.parametrize(
