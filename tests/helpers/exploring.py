@@ -44,8 +44,8 @@ MESH = MeshTable(BOX, MEASURED, 1.25, 0.5 * MEASURED[::-1])  # as if it had been
 
 
 @lru_cache
-def _made(settings: tuple[str, ...]) -> Path:
-    """Folder in which the bases of some settings are computed once for all tests."""
+def _made(what: str) -> Path:
+    """Folder in which the bases of a case, settings and box of sizes are computed once for all tests."""
     folder = tempfile.mkdtemp(prefix="antinode-bases-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
@@ -54,11 +54,11 @@ def _made(settings: tuple[str, ...]) -> Path:
 def small_explorer(folder: Path, *settings: str, path: Path = SMALL, offline: Offline = OFFLINE) -> Explorer:
     """The explorer of examples/small.toml or another case with --set words, its bases kept in a folder."""
     raw = read_toml(path)
-    case = case_from_dict(raw, path, list(settings))
+    case, made = case_from_dict(raw, path, list(settings)), _made(repr((path, settings, offline)))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cell_model, "CellModelCache", lambda: CellModelCache(_made(settings)))
+        patch.setattr(cell_model, "CellModelCache", lambda: CellModelCache(made))
         model = cell_model.cell_model(case, WarningLog(), cell_model.laid_about(case, offline))
-    shutil.copytree(_made(settings), folder, dirs_exist_ok=True)
+    shutil.copytree(made, folder, dirs_exist_ok=True)
     return Explorer(Scene(case, raw, settings), replace(model, mesh=replace(MESH, box=model.cell.box)))
 
 
