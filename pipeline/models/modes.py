@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from math import inf, nan
 from typing import Any
 
@@ -541,7 +541,8 @@ def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: C
         one.errors = one.estimated()
         if query.band_hz:
             one.more_below(one.count.high_hz)  # in parallel with the other classes
-        one.let_go()
+        if query.band_hz or not isinstance(model, PlateModel):
+            one.let_go()
         return one
 
     def few(symmetry: str | None) -> _Class:
@@ -585,7 +586,6 @@ class _Class:
     ) -> None:
         self.case, self.part, self.model, self.symmetry, self.log = case, part, model, symmetry, log
         self.coarser = coarser
-        self.pencil: PlainPencil
         self.dof = 0
         self.vectors: FloatArray
         self.tones = np.empty(0)  # of the columns, Hz
@@ -600,11 +600,19 @@ class _Class:
         self.overlaps: Pair | None = None  # of all columns, where they were measured together
         self._more: dict[float, int | None] = {}
 
+    @cached_property
+    def pencil(self) -> PlainPencil:
+        """K and M, made again if they are needed after `let_go`."""
+        return self.model.pencil(self.symmetry)
+
+    def let_go(self) -> None:
+        """Release K and M, whose memory the next class takes."""
+        del self.pencil
+
     def ask(self, query: Request) -> None:
         """Solve the modes of the request."""
         name = f"class {self.symmetry or 'whole'}"
         with self.log.step(f"solve {name}"):
-            self.pencil = self.model.pencil(self.symmetry)
             self.dof = self.pencil.dof
             self.vectors = np.empty((self.dof, 0))
             solution = self._solve(query)
@@ -680,11 +688,6 @@ class _Class:
             plate = self.model.assembled(self.symmetry)
             self._more[edge_hz] = more_below(plate, self.pencil, edge_hz, reduced, self.shared.factorise, off)
         return self._more[edge_hz]
-
-    def let_go(self) -> None:
-        """Release the matrices of a mesh, which are not needed again; keep those of a reduced plate, which are small."""
-        if not isinstance(self.model, PlateModel):
-            del self.pencil
 
     def between(self, low_hz: float, high_hz: float) -> tuple[tuple[ModeRow, ...], Count]:
         """Return all modes between two frequencies, reusing those already solved."""

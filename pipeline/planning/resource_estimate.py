@@ -85,6 +85,7 @@ KEPT, ABOUT_FEET = 0.45, 1.5
 MEASURED_BYTES = 2.5 * 8.0 * 420.0
 CLASS_MATRICES = 3  # of a symmetry class: its K, its M and one shifted
 PILOT_BYTES = 0.07 * GIB  # heap that the solves of a coarse cell leave behind
+HEAP_BYTES = 0.25 * GIB  # that the heap keeps of what it no longer needs (`solvers.threads`)
 SKIN = 0.4  # of a panel's nodes that lie on its surface
 EMBEDDED = 2.2  # entries of the real embedding over those of the cell
 SPLIT_BYTES, SPLIT_KEPT = 70.0, 16.0  # per entry, while the cell is split by phases, and afterwards
@@ -363,7 +364,7 @@ def _assembled(
     panels = own.panels / (4.0 if own.quarter else 1.0)
     measuring = Cost((Stage("measuring the modes", MEASURED_BYTES * panels * modes),))
     for _ in range(classes):
-        cost = cost.then(solve, kept_bytes)
+        cost = cost.then(solve, kept_bytes + min(reducing.peak.bytes, HEAP_BYTES))
     cost = cost.then(measuring, plates * kept_bytes + reducing.peak.bytes)  # what the reductions took is not returned
     return ResourceEstimate(
         cost,
