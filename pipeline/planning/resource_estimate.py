@@ -58,6 +58,7 @@ DENSE_OPERATIONS = 2.0  # of a dense eigen-solve over n^3
 # times accuracy^-1/4 and the highest band: the uncertainty due to modes discarded above L goes as L^-4
 CUTOFF = 0.64
 GAP_SOLVES = 110  # wavevectors for crossings and gap edges, in addition to the path's
+EDGE_SOLVES = 8  # those for gap edges of a cell solved as meshed: none without a gap, up to a hundred with several
 # in addition to the dense solve, per wavevector: pencil, phases, labels; per wave and cell entry: slopes, overlaps
 SOLVE_OPERATIONS, WAVE_OPERATIONS, WAVES_ABOVE = 5e7, 8.0, 6
 # equivalent of meshing, assembling, joining and bounding three nested meshes of a cell; of each coarse cell that sets its
@@ -576,10 +577,10 @@ def panel_reduction(
 
 def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> ResourceEstimate:
     """Estimate the bands at a number of wavevectors, and the finer meshes that may follow."""
-    if choice.reduction is None:
-        return _meshed_cell(case, choice, wavevectors)
     design, bands = case.design, case.bands
     inside = len(design.lattice.grid(bands.grid, design.cell_mirrors)) if bands.grid else 0
+    if choice.reduction is None:
+        return _meshed_cell(case, choice, wavevectors + EDGE_SOLVES + inside)
     if design.stagger:
         path = bands.segments * bands.points + 1  # branches are not followed between these points
         return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, min(wavevectors, path) + inside)

@@ -74,7 +74,8 @@ CELLS = {
     "stub fine": _cell(STUB, "solve.accuracy=0.003", thickness_mm=5.0, count=16),
     "stub PMMA": _cell(STUB, 'material="pmma"', thickness_mm=5.0),
     "thick": _cell(STUB, thickness_mm=10.0, count=20),
-    "triangular": _cell('shape="round",diameter_mm=4.0,height_mm=5.0', "array.pitch_y_mm=8.66", "array.stagger=true", count=12),
+    "triangular": _cell('shape="round",diameter_mm=4.0,height_mm=5.0', "array.pitch_y_mm=8.66", "array.stagger=true",
+                        "solve.accuracy=0.03", count=12),
     "soft": _cell(SOFT, count=8),
     "soft many": _cell(SOFT, count=16),
     "soft both": _cell(f'{SOFT},faces="both"', "solve.accuracy=0.03", count=8),
@@ -90,8 +91,8 @@ CELLS = {
     "tapered": _cell('shape="tapered",base_mm=4.0,tip_mm=2.5,height_mm=6.0', thickness_mm=2.0),
     "cross": _cell('shape="cross",side_mm=5.0,arm_mm=2.0,height_mm=6.0', thickness_mm=2.0),
     "filleted": _cell('shape="square",side_mm=4.0,height_mm=5.0,fillet_mm=0.5', "solve.accuracy=0.03", thickness_mm=2.0),
-    "whole": _cell('shape="square",side_mm=4.0,height_mm=5.0', "solve.model=solid", "bands.path=GX", "bands.grid=0",
-                   thickness_mm=2.0, count=6),
+    "whole": _cell('shape="square",side_mm=3.0,height_mm=3.0', "solve.model=solid", "bands.path=GX", "bands.grid=0",
+                   "solve.accuracy=0.1", thickness_mm=2.0, pitch_mm=4.0, count=6),
 }  # fmt: skip
 
 
