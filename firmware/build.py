@@ -245,6 +245,9 @@ def main(arguments: list[str] | None = None) -> int:
     except BuildError as error:
         print(f"firmware: {error}", file=sys.stderr)
         return error.exit_code
+    except OSError as error:
+        print(f"firmware: --out {chosen.out}: {error.strerror}: must be a folder that can be written", file=sys.stderr)
+        return 2
     print(f"{os.path.relpath(image.elf)}, .bin, .map and .svd, by {image.compiler}")
     print(f"flash {image.flash_bytes} bytes of {FLASH_LIMIT}, RAM {image.ram_bytes} bytes of {RAM_LIMIT} allowed")
     if image.flash_bytes > FLASH_LIMIT or image.ram_bytes > RAM_LIMIT:

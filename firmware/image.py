@@ -251,9 +251,12 @@ def main(arguments: list[str]) -> int:
     for name in arguments[1:]:
         try:
             print(f"{name}: {bound(Path(arguments[0]), name)}")
-        except (Unbounded, KeyError, OSError) as error:
+        except (Unbounded, KeyError) as error:
             print(f"bounds: {name}: {error}", file=sys.stderr)
             return 3
+        except (OSError, ValueError) as error:
+            print(f"bounds: {arguments[0]}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
+            return 2
     return 0
 
 

@@ -270,19 +270,20 @@ def log(client: Client, text: argparse.Namespace) -> str:
     last: Record | None = None
     metres = client.status().metres
     client.records.clear()  # of an earlier log
-    client.log(text.every)
-    try:
-        with text.file.open("w", newline="") as file:
+    with text.file.open("w", newline="") as file:
+        try:
             rows = csv.writer(file)
             rows.writerow([*LOG_COLUMNS, *(("measured_um", "reference_um") if metres > 0.0 else ())])
+            client.log(text.every)
             for record in _records(client, text.seconds):
                 lost += _missing(last, record, text.every)
                 count, last = count + 1, record
                 rows.writerow(_row(record, metres))
-    finally:
-        with suppress(BoardError, OSError):
-            client.log(0)
-        print(f"{text.file}: {count} records" + (f", {lost} were lost: try a larger --every" if lost else ""))
+        finally:
+            with suppress(BoardError, OSError):
+                client.log(0)
+            lacking = f", {lost} {'was' if lost == 1 else 'were'} lost: try a larger --every" if lost else ""
+            print(f"{text.file}: {count} record{'' if count == 1 else 's'}{lacking}")
     return ""
 
 
@@ -453,10 +454,18 @@ def _give(client: Client, factors: list[float], sample_s: float) -> int:
         if before is None:
             before = client.status().underruns  # underruns before the first samples do not count
         if taken < len(piece):
-            time.sleep(PIECE * sample_s)
+            _wait(client, PIECE * sample_s)
     late = client.status().underruns - (before or 0)
-    time.sleep(STORE * sample_s)
+    _wait(client, STORE * sample_s)
     return late
+
+
+def _wait(client: Client, seconds: float) -> None:
+    """Wait, and keep up the contact with the board."""
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0.0:
+        time.sleep(min(LOOK_S, left))
+        client.status()
 
 
 def _ask(text: str) -> None:

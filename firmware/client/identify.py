@@ -40,6 +40,7 @@ SECOND_LEAST = 0.02  # gain over the first one's
 ALIKE = 0.9  # gain over the first one's, above which neither is the target
 LINEAR, BENT = 0.01, 0.1  # relative change of the response with the level: none, and too much
 QUIETER, REPEATS = 0.25, 2
+TIMES_LEAST = 1.2  # from one level to the other: closer ones say nothing about the response's change
 CODES_LEAST = 16.0  # of the DAC, in amplitude
 ADC_STEP = 1.0 / 2048.0
 STEPS_ERROR = 2.0 / math.pi * ADC_STEP  # of an amplitude: a square wave of half a step either way
@@ -106,8 +107,8 @@ class Found:
     loop : Loop
     table_hz : float
         Frequency in the table.
-    bent : float
-        Relative change of the response with the level.
+    bent : float or None
+        Relative change of the response from a level to four times that; 0 where it is small, None where it is unknown.
     seconds : float
         Duration on the board.
     metres : float
@@ -120,7 +121,7 @@ class Found:
     coherence: float
     loop: Loop
     table_hz: float
-    bent: float
+    bent: float | None
     seconds: float
     metres: float = 0.0
 
@@ -239,7 +240,7 @@ def _first_guess(response: Response) -> Mode:
     return Mode(float(lines_hz[peak]), 1.0 / (math.pi * wide * max(above, 1)))
 
 
-def _measured(client: Client, board: Board, response: Response, first: Mode) -> tuple[Response, float]:
+def _measured(client: Client, board: Board, response: Response, first: Mode) -> tuple[Response, float | None]:
     """Measure about the resonance, at a level at which the response is in proportion to the drive."""
     sweep = response.sweep
     mode = fit(sweep, response.mean, board.delay_s, first, 1, _span(sweep, first)).modes[0]
@@ -247,12 +248,17 @@ def _measured(client: Client, board: Board, response: Response, first: Mode) -> 
     level = max(min(1.0, RAISED_MOST * response.level, aimed), _least_level(board))
     sweep = Sweep.for_tau(sweep.carrier_hz + mode.away_hz, mode.tau_s)
     loud = measure(client, sweep, level, board.drive_limit, PAIRS)
-    bent, least = 0.0, _least_level(board)
+    least, bent = _least_level(board), 0.0
     for _ in range(REPEATS + 1):
         soft = measure(client, sweep, max(QUIETER * loud.level, least), board.drive_limit, SOFT_PAIRS)
-        bent = _change(loud, soft, mode, board.drive_limit)
-        if bent < LINEAR or soft.level == least:
-            return loud, bent
+        times = loud.level / soft.level
+        if times < TIMES_LEAST:
+            return loud, None
+        bent = _change(loud, soft, mode, board.drive_limit) * (1.0 - QUIETER) / (1.0 - 1.0 / times)
+        if bent < LINEAR:
+            return loud, 0.0
+        if soft.level == least:
+            break
         loud = measure(client, sweep, soft.level, board.drive_limit, PAIRS)
     if bent > BENT:
         raise NotIdentified(
@@ -457,7 +463,9 @@ def describe(found: Found) -> str:
         f"; another one at {carrier + mode.away_hz:.1f} Hz, gain {units.gain(abs(mode.gain), '.3g')}"
         for mode in fitted.modes[1:]
     )
-    bent = f", {100.0 * found.bent:.1f} % softer or stiffer at four times the level" if found.bent > LINEAR else ""
+    bent = f", {100.0 * found.bent:.1f} % softer or stiffer at four times the level" if found.bent else ""
+    if found.bent is None:
+        bent = ", not compared with a lower level, since the DAC's steps would distort that"
     return "\n".join(
         [
             f"mode {values.frequency_hz:.2f} Hz ({off:+.2f} % from the table), Q {quality:.1f}, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,15 @@ from pipeline.planning import resources, simplifications
 from pipeline.questions import study as asked
 from pipeline.questions.question import Run
 from pipeline.records import store
-from pipeline.records.record import DesignRecord
+from pipeline.records.record import DesignRecord, KeysRecord
+
+NOT_PLATE = ("bands", "tolerance", "measured")  # tables of a case that are not about the plate
+ONLY_COMPUTING = ("accuracy", "model", "mesh", "count")  # keys of [solve] that do not change what is computed
+OF_CELL = ("solve", "bands", "materials", "defects")  # tables on which the bands of a cell depend, with the design
+NOT_CELL = (  # fields of a design that leave its cells as they are
+    *("width_m", "rows", "extension_m", "zones", "shared_rows", "zone_gap_m", "larger_m", "centre_m", "surround"),
+    *("others_m", "supports", "outline"),
+)
 
 
 def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
@@ -44,11 +53,24 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
             payload["fields"] = True
         for each in questions:
             payload |= each.inputs()
-        parts = repr((case.design.stack, case.design.pillar, DesignRecord.of_design(case.design).cell))
-        jobs.append(Job(case_id, payload, dict(overrides), parts, partial(_forecast, case, query)))
+        jobs.append(Job(case_id, payload, dict(overrides), keys_of(case).cell_bands, partial(_forecast, case, query)))
     if faults:
         raise InputError(faults)
     return jobs
+
+
+def keys_of(case: Case) -> KeysRecord:
+    """Return the keys of a case: of its plate, however computed, and of the modes of that and the bands of its cell."""
+    whole = case.to_dict()
+    plate = _without(whole, NOT_PLATE) | {"solve": _without(whole["solve"], ONLY_COMPUTING)}
+    modes = _without(whole, ("bands",))
+    bands = {name: whole[name] for name in OF_CELL if name in whole} | {"design": _without(whole["design"], NOT_CELL)}
+    plate_key, modes_key, bands_key = (store.input_hash(about) for about in (plate, modes, bands))
+    return KeysRecord(plate=plate_key, plate_modes=modes_key, cell_bands=bands_key)
+
+
+def _without(table: dict[str, Any], names: Container[str]) -> dict[str, Any]:
+    return {name: value for name, value in table.items() if name not in names}
 
 
 def _forecast(case: Case, query: tuple[str, ...]) -> Forecast:
@@ -100,4 +122,4 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: RunLog) 
     if run.arrays:
         store.save_arrays(folder, run.arrays)
     design = DesignRecord.of_design(case.design)
-    return {"plan": planned.to_dict(), "design": design, "meshes": run.meshes, **run.found}
+    return {"plan": planned.to_dict(), "design": design, "keys": keys_of(case), "meshes": run.meshes, **run.found}

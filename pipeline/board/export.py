@@ -77,7 +77,7 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
     """Modes and gains of a plate with open sensors; the quasi-static residual is that at the target mode.
 
     Without a target mode, the one nearest to `near_hz` takes its place; SolverError if that is not given either. Modes that
-    no driver excites or no sensor measures (|G| of every pair below 1e-6 V/V) are left out.
+    no driver excites or no sensor measures (|G| of every pair below 1e-6 V/V) are left out, except the target mode.
     """
     from solvers.piezo.forced import in_phase_signs
 
@@ -100,8 +100,8 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
     root = np.sqrt(mu / scale)
     parts = residues / (1j * mu.imag)[:, None, None]
     measurable = np.abs(parts).max(axis=(1, 2)) >= GAIN[0]
-    order = [k for k in np.argsort(mu.real) if measurable[k]]
     target = int(np.argmax(np.abs(vectors[start])))
+    order = [k for k in np.argsort(mu.real) if measurable[k] or k == target]
     return ModalGains(
         frequency_hz=np.sqrt(mu.real[order] / scale),
         tau_s=1.0 / (2.0 * pi * root.imag[order]),
@@ -189,16 +189,22 @@ def design_hash(about: object) -> bytes:
 
 
 def write_table(
-    case: Case, part_modes: PartModes, target: int, folder: Path, stem: str = "mode_table", log: Log | None = None
+    case: Case,
+    part_modes: PartModes,
+    target: int,
+    folder: Path,
+    stem: str = "mode_table",
+    log: Log | None = None,
+    force: bool = False,
 ) -> list[Path]:
     """Write STEM.bin and STEM.h, which hold the same bytes.
 
     With a log, gains are computed for a case with an actuator and a sensor patch. Otherwise the board identifies them, and
-    nothing is computed.
+    nothing is computed. force: as in `write_gains`.
     """
     if log is not None:
         if can_be_computed(case):
-            return write_gains(case, folder, log, stem, near_hz=part_modes.rows[target].frequency_hz)
+            return write_gains(case, folder, log, stem, None, part_modes.rows[target].frequency_hz if force else None)
         log.info("mode table: no gains, since they need an actuator and a sensor patch; the board identifies them")
     tones, qualities = ([getattr(row, name) for row in part_modes.rows] for name in ("frequency_hz", "quality_factor"))
     return write(table_of(case, tones, qualities, target), folder, stem)
@@ -215,13 +221,13 @@ def write_gains(
     """Write STEM.bin and STEM.h of the patched plate with computed gains, and log the gains and the wiring.
 
     forced: plate that a response has solved already; near_hz: frequency of the mode to drive if the patched plate has no
-    target mode.
+    target mode. Raises InputError for such a plate without it.
     """
     from pipeline.models.forced import forced_plate
 
     plate = forced or forced_plate(case, log)
-    if near_hz is None or not plate.band_hz[0] < near_hz < plate.band_hz[1]:
-        plate = _about_target(case, plate, log)
+    if plate.target_place() is None:
+        plate = _about(case, plate, _instead_hz(case, plate, near_hz, log), log)
     gains = modal_gains(plate, near_hz)
     table = table_with_gains(case, gains, metres_per_volt(plate, gains))
     _log_summary(case, gains, table, log)
@@ -237,7 +243,9 @@ def write_patched(case: Case, forced: ForcedPlate, folder: Path, log: Log, stem:
 
     if can_be_computed(case):
         return write_gains(case, folder, log, stem, forced)
-    plate = _about_target(case, forced, log)
+    near_hz = forced.target_hz()
+    assert near_hz is not None
+    plate = _about(case, forced, near_hz, log)
     tone, resonances = driven_hz(plate), resonances_hz(plate)
     assert tone is not None
     target = int(np.argmin(np.abs(resonances - tone)))
@@ -245,12 +253,26 @@ def write_patched(case: Case, forced: ForcedPlate, folder: Path, log: Log, stem:
     return write(table_of(case, resonances.tolist(), qualities, target), folder, stem)
 
 
-def _about_target(case: Case, forced: ForcedPlate, log: Log) -> ForcedPlate:
-    """Return the plate, solved again around its target mode if that lies outside its band."""
+def _instead_hz(case: Case, forced: ForcedPlate, near_hz: float | None, log: Log) -> float:
+    """Return the frequency of the mode to drive if the band of the patched plate does not contain its target mode."""
+    lacks = f"{case.name}: no mode of the plate with its patches has the target shape"
+    if near_hz is not None:
+        log.warning("TABLE", f"{lacks} in the band; the table drives the mode nearest to {frequency(near_hz)} instead")
+        return near_hz
+    tone = forced.target_hz()
+    if tone is None:
+        raise InputError(
+            f"{lacks}. A table would drive another mode: change the design or the patches, or use the mode nearest to that of "
+            "the plate without patches with --force"
+        )
+    return tone
+
+
+def _about(case: Case, forced: ForcedPlate, tone: float, log: Log) -> ForcedPlate:
+    """Return the plate, solved again around a frequency that lies outside its band."""
     from pipeline.models.forced import forced_plate
 
-    tone, (low, high) = forced.target_hz(), forced.band_hz
-    if tone is None or low < tone < high:
+    if forced.band_hz[0] < tone < forced.band_hz[1]:
         return forced
     return forced_plate(case, log, ((1.0 - ABOUT) * tone, (1.0 + ABOUT) * tone))
 

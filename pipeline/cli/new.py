@@ -55,7 +55,7 @@ def run(arguments: Namespace) -> int:
     from pipeline.case.reading import known_as
     from pipeline.errors import InputError
     from pipeline.logs import TerminalLog
-    from pipeline.records.outputs import write_file
+    from pipeline.records.outputs import is_standard_output, write_file
 
     place = Path(arguments.place)
     if place.exists() and not arguments.force:
@@ -72,7 +72,8 @@ def run(arguments: Namespace) -> int:
         log.warning("PILLARS", doubt)
     text = solved_text(place, wishes, target_hz, log)
     write_file(place, text.encode())
-    print(f"wrote {place}; next: antinode predesign {place}, antinode bands {place}, antinode modes {place}")
+    if not is_standard_output(place):
+        print(f"wrote {place}; next: antinode predesign {place}, antinode bands {place}, antinode modes {place}")
     return 0
 
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geometry.elements import FloatArray, IntArray
-from geometry.files import written_whole
 from geometry.lattice import Lattice
 from pipeline.case.features import GROUPS, LARGER, OF_A_PLATE, OUTLINE, PLACES, ZONES
 from pipeline.case.model import Case
@@ -83,8 +82,13 @@ def write(
 
 def _require(case: Case, form: str, part: str) -> None:
     """Raise InputError for a case that lacks what is to be written, or that the format cannot honour."""
+    if form == "phonopy":
+        from pipeline.questions.bands import Bands
+
+        Bands().suited(case)
+        return
     command = f"export {form}"
-    of_plate = form != "phonopy" and part == "plate"
+    of_plate = part == "plate"
     honours = OF_A_PLATE if form in CAD or not of_plate else (LARGER, PLACES, OUTLINE) if form in WHOLE else (LARGER,)
     case.refuse(command, honours)
     if of_plate:
@@ -183,7 +187,7 @@ def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
             f"{case.name}: {said} A table would drive another mode: change the design or solve.band_kHz, or use the most "
             "similar mode with --force"
         )
-    return write_table(case, part_modes, index, path.parent, path.stem, log)
+    return write_table(case, part_modes, index, path.parent, path.stem, log, force)
 
 
 # -- bands -------------------------------------------------------------------------------------------------------------
@@ -234,8 +238,8 @@ def paraview(case: Case, path: Path, log: Log, own: UserMesh | None = None) -> P
     from geometry.formats.vtk import write_steps
 
     points, facets, tones, shapes = shapes_of(case, log, own)
-    with log.step(f"write {len(tones)} shapes"):
-        write_steps(path, points, facets, tones, "displacement", shapes)
+    with log.step(f"write {len(tones)} shapes"), outputs.delivered(path) as temporary:
+        write_steps(temporary, points, facets, tones, "displacement", shapes)
     return path
 
 
@@ -259,7 +263,7 @@ def xdmf(case: Case, path: Path, log: Log, own: UserMesh | None = None) -> Path:
     points, facets, tones, shapes = shapes_of(case, log, own)
     with (
         log.step(f"write {len(tones)} shapes"),
-        written_whole(path) as temporary,
+        outputs.delivered(path) as temporary,
         TimeSeriesWriter(
             temporary, data_format="XML"
         ) as writer,  # with HDF5, meshio leaves a file in the working folder
@@ -281,13 +285,13 @@ def driven(case: Case, path: Path, log: Log) -> Path:
     run = Run(log)
     peak = ask(case, Response(), run).peak
     assert case.patches
-    with log.step(f"write one period at {peak.tone}"):
+    with log.step(f"write one period at {peak.tone}"), outputs.delivered(path) as temporary:
         skin = run.solved["forced"].skin(peak.frequency_hz)
         kept, triangles = closed_surface(skin.points, skin.facets, case.design.thickness_m)
         turns = np.arange(PHASES) / PHASES
         moved = case.patches.drive_v * skin.displacement[0, kept]
         shapes = np.stack([over_period(moved, turn) for turn in turns])
-        write_steps(path, skin.points[kept], triangles, 360.0 * turns, "displacement", shapes)
+        write_steps(temporary, skin.points[kept], triangles, 360.0 * turns, "displacement", shapes)
     return path
 
 
@@ -328,9 +332,9 @@ def uff(case: Case, path: Path, log: Log) -> Path:
     from pipeline.questions.response import Response
     from solvers.piezo.responses import point_responses
 
-    run = Run(log)
+    quality_factor, run = case.one_quality_factor("export uff"), Run(log)
     peak = ask(case, Response(), run).peak
-    points, frequency = grid(case.design), tones(case, peak.frequency_hz)
+    points, frequency = grid(case.design), tones(peak.frequency_hz, quality_factor)
     with log.step(f"response at {len(points)} points"):
         values = point_responses(run.solved["forced"], points, frequency)
     sets = [_units(), _nodes(points), *(_response(case, node, frequency, row) for node, row in enumerate(values, 1))]

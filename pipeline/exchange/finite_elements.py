@@ -170,7 +170,7 @@ def _check_axes(case: Case) -> None:
 
 def aster_files(output: Path) -> list[Path]:
     """Files of the study: NAME.med, NAME.comm, NAME.export, NAME_README.txt."""
-    name = output.stem if output.suffix in ENDINGS else output.name
+    name = output.stem if output.suffix.lower() in ENDINGS else output.name
     return [output.with_name(name + ending) for ending in ENDINGS]
 
 
@@ -227,7 +227,7 @@ def calculix(case: Case, part: str, output: Path, log: Log) -> list[Path]:
 
 def calculix_file(output: Path) -> Path:
     """Path of the input file: NAME.inp, or `output` itself if it is not a regular file, such as standard output."""
-    if is_standard_output(output) or output.suffix == ".inp" or (output.exists() and not output.is_file()):
+    if is_standard_output(output) or output.suffix.lower() == ".inp" or (output.exists() and not output.is_file()):
         return output
     return output.with_name(output.name + ".inp")
 

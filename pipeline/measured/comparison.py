@@ -124,7 +124,10 @@ def _sweep(
         beyond = f"its peak at {frequency(theirs.peak_hz)} lies outside the band of the response"
         log.warning("PEAK_OUTSIDE", f"{measured.file}: {beyond}")
     shift, error = theirs.frequency_hz - ours.frequency_hz, response.expected_error
-    scatter_hz = theirs.frequency_hz * ((theirs.circle and theirs.circle.frequency_error) or 0.0)
+    halves_hz = [theirs.frequency_error and theirs.frequency_hz * theirs.frequency_error]
+    halves_hz += [error and ours.frequency_hz * error]
+    if ours.trouble:  # the computed frequency is that of a point, too
+        halves_hz += [ours.frequency_error and ours.frequency_hz * ours.frequency_error]
     point_mm = None if place is None else [place[0] / MM, place[1] / MM]
     by_model = {"point_mm": point_mm, "frequency_error": error, "quality_error": None}
     record = parts.MeasuredSweepRecord(
@@ -134,7 +137,7 @@ def _sweep(
         band_hz=[float(low), float(high)],
         frequency_shift_hz=shift,
         frequency_shift=shift / ours.frequency_hz,
-        frequency_shift_error_hz=None if error is None else error * ours.frequency_hz + scatter_hz,
+        frequency_shift_error_hz=None if None in halves_hz else sum(filter(None, halves_hz)),
         computed=parts.ComputedResonance(**_identified(ours) | by_model),
     )
     arrays = {"measured_hz": given.frequencies_hz, "measured_response": given.response}
@@ -152,7 +155,7 @@ def _computed(
     tone = response.curve.frequency_hz
     if measured.quantity == "sensor":
         return None, response.curve.sensor_v_per_v[:, 0]
-    place = at_m or loudest_point(response.forced, response.peak.frequency_hz, case.design.width_m / 2.0)
+    place = at_m or loudest_point(response.forced, response.peak.frequency_hz)
     moved = point_response(response.forced, place, tone)
     return place, 2j * np.pi * tone * moved if measured.quantity == "velocity" else moved
 
@@ -163,7 +166,7 @@ def _identified(identified: Resonance) -> dict[str, Any]:
         "peak_hz": identified.peak_hz,
         "frequency_hz": identified.frequency_hz,
         "quality_factor": identified.quality_factor,
-        "frequency_error": circle and circle.frequency_error,
+        "frequency_error": identified.frequency_error,
         "quality_error": circle and circle.quality_error and circle.quality_error * circle.plant.quality_factor,
         "quality_factor_half_power": identified.half_power_quality_factor,
         "circle": None if circle is None else circle.to_dict() | {"fitted_hz": [identified.low_hz, identified.high_hz]},

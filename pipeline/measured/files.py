@@ -35,12 +35,17 @@ SYNTHETIC = "SYNTHETIC"  # first word of the first comment in files written by t
 MIN_COUNT = 8  # rows of a sweep that a circle fit needs
 PLACES = {"x": {"x_mm": MM, "x_m": 1.0}, "y": {"y_mm": MM, "y_m": 1.0}}
 TONES = {"frequency": {"frequency_hz": 1.0, "frequency_khz": KHZ, "frequency_mhz": 1e6}}
-VALUE = re.compile(r"(?:(velocity|displacement|acceleration|sensor)_)?(amplitude|phase|real|imag)(?:_(\w+))?")
+KINDS = ("velocity", "displacement", "acceleration", "sensor")
+VALUE = re.compile(rf"(?:({'|'.join(KINDS)})_)?(amplitude|phase|real|imag)(?:_(.+))?")
 SYNONYMS = {"magnitude": "amplitude", "imaginary": "imag", "freq": "frequency", "re": "real", "im": "imag", "°": "deg"}
 UNIT_IN_BRACKETS = re.compile(r"(.*?)\s*[(\[]\s*(.*?)\s*[)\]]")
 PREAMBLE = re.compile(r"[^,;\t]*:(?:[ \t].*)?")
-OF_UNIT = {"m/s": "velocity", "mm/s": "velocity", "um/s": "velocity", "m": "displacement", "mm": "displacement"}
-OF_UNIT |= {"um": "displacement", "nm": "displacement", "m/s²": "acceleration", "m/s^2": "acceleration", "v": "sensor"}
+BASES = {"m/s": "velocity", "m": "displacement", "m/s2": "acceleration", "v": "sensor"}
+OF_UNIT: dict[str, str | None] = {
+    f"{prefix}{base}": BASES[base] for prefix in ("", "m", "u", "n", "p") for base in BASES
+}
+OF_UNIT |= {"g": "acceleration", "": None, "part": None} | {kind: kind for kind in KINDS}
+DECIBEL = re.compile(r"db\W*(?:re|ref|rel)?\W*1?\W*(.*)")
 PAIRS = (("real", "imag"), ("amplitude", "phase"))
 PAIRS_ALLOWED = "real with imag, or amplitude with phase_deg or phase_rad"
 LARGEST = 1e30  # of any number: measurements lie far below in any unit, and squares stay finite
@@ -229,7 +234,7 @@ def _values(table: _Table) -> tuple[str, ComplexArray]:
         lone = next((pair for pair in PAIRS if set(pair) & set(table.roles)), None)
         lacking = "" if lone is None else f" ({next(role for role in lone if role not in table.roles)} is missing)"
         raise table.error(f"columns {table.names_text}: must hold {PAIRS_ALLOWED}{lacking}")
-    kinds, units = zip(*(_parsed(table.name(role)) for role in (first, second)), strict=True)
+    kinds, units = zip(*(_parsed(table, role) for role in (first, second)), strict=True)
     if kinds[0] != kinds[1] and not (second == "phase" and kinds[1] is None):
         raise table.error(f"columns {table.name(first)} and {table.name(second)}: must be of one quantity")
     one, two = table.numbers(first), table.numbers(second)
@@ -246,14 +251,36 @@ def _values(table: _Table) -> tuple[str, ComplexArray]:
     return kinds[0] or "velocity", values
 
 
-def _parsed(name: str) -> tuple[str | None, str]:
-    match = VALUE.fullmatch(name.lower())
+def _parsed(table: _Table, role: str) -> tuple[str | None, str]:
+    """Return the quantity that a column's name or unit says, if any, and the unit."""
+    match = VALUE.fullmatch(table.name(role).lower())
     assert match is not None
-    return match.group(1), match.group(3) or ""
+    named, unit = match.group(1), match.group(3) or ""
+    if role == "phase":
+        return named, unit
+    known = _bare(unit) in OF_UNIT
+    by_unit = OF_UNIT.get(_bare(unit))
+    if not known and named is None:
+        raise table.error(
+            f"column {table.name(role)}: unknown unit: must be m/s, m, m/s2, g or V, with a prefix or in dB, or the name must "
+            f"begin with {', '.join(f'{kind}_' for kind in KINDS[:-1])} or {KINDS[-1]}_"
+        )
+    if named and by_unit not in (None, named, "sensor"):  # an instrument gives any quantity in V
+        raise table.error(f"column {table.name(role)}: its unit is that of a {by_unit}: must be of a {named}")
+    return named or by_unit, unit
+
+
+def _bare(unit: str) -> str:
+    """Normalise a unit: m_per_s_per_V, (m/s)/V, m s^-1/V and m/s become m/s; dB re 1 nm becomes nm."""
+    text = unit.lower().replace("µ", "u").replace("μ", "u").replace("_per_", "/").replace("²", "2")
+    if found := DECIBEL.fullmatch(text):
+        text = found.group(1)
+    text = re.sub(r"\s*[_/ ·*]\s*", "/", re.sub(r"[()^]|\*\*", "", text)).replace("s-1", "s").replace("s-2", "s2")
+    return text.removesuffix("/v") if text != "/v" else text
 
 
 def _amplitude(table: _Table, values: FloatArray, unit: str) -> FloatArray:
-    if unit == "db":
+    if unit.startswith("db"):
         beyond = np.flatnonzero(np.abs(values) > LARGEST_DB)
         if len(beyond):
             raise table.error(f"must be from {-LARGEST_DB:g} to {LARGEST_DB:g} dB", int(beyond[0]), "amplitude")
@@ -282,11 +309,6 @@ def _plain(name: str) -> str:
     word, unit = (part.strip() for part in found.groups())
     role = SYNONYMS.get(word.lower(), word.lower())
     unit = SYNONYMS.get(unit, unit)
-    if role == "amplitude" and unit.lower() == "db":
-        return "amplitude_dB"
-    kind = OF_UNIT.get(unit.lower().replace("µ", "u").replace("μ", "u"))
-    if kind and role in ("amplitude", "real", "imag"):
-        return f"{kind}_{role}_{re.sub(r'[^A-Za-z0-9]', '', unit)}"
     return f"{role}_{unit}" if unit else role
 
 
@@ -318,9 +340,9 @@ def _text(path: Path) -> str:
 def _universal_sweep(path: Path) -> MeasuredSweep:
     """Read the response of the file, or of its node with the largest motion; InputError for a file without one."""
     responses, _ = _read(path)
-    most = max(responses, key=lambda each: float(np.abs(each["data"]).max()))
-    frequency, values = _curve(most, path)
-    return MeasuredSweep(str(path), False, _quantity(most, path), Sweep(frequency, values))
+    quantity = _quantity(responses, path)
+    frequency, values = max((_curve(each, path) for each in responses), key=lambda curve: float(np.abs(curve[1]).max()))
+    return MeasuredSweep(str(path), False, quantity, Sweep(frequency, values))
 
 
 def _universal_field(path: Path, design: Design) -> MeasuredField:
@@ -347,7 +369,7 @@ def _universal_field(path: Path, design: Design) -> MeasuredField:
             f"{path}: node {node} lies outside the plate: coordinates must start at its centre, in the file's unit (164)"
         )
     peak = int(np.argmax((np.abs(values) ** 2).sum(axis=0)))
-    return MeasuredField(str(path), False, _quantity(responses[0], path), points, values[:, peak])
+    return MeasuredField(str(path), False, _quantity(responses, path), points, values[:, peak])
 
 
 def _read(path: Path) -> tuple[list[dict[str, Any]], dict[int, FloatArray]]:
@@ -407,9 +429,13 @@ def _curve(response: dict[str, Any], path: Path) -> tuple[FloatArray, ComplexArr
     return frequency, np.asarray(values, dtype=complex)
 
 
-def _quantity(response: dict[str, Any], path: Path) -> Quantity:
-    code = int(response["ordinate_spec_data_type"])
-    if code not in QUANTITIES:
-        known = "8 (displacement), 11 (velocity), 12 (acceleration) or 0 (read as a velocity)"
-        raise InputError(f"{path}: ordinate of type {code}: must be {known}")
-    return QUANTITIES[code]
+def _quantity(responses: list[dict[str, Any]], path: Path) -> Quantity:
+    """Return the quantity of all responses."""
+    codes = sorted({int(each["ordinate_spec_data_type"]) for each in responses})
+    for code in codes:
+        if code not in QUANTITIES:
+            known = "8 (displacement), 11 (velocity), 12 (acceleration) or 0 (read as a velocity)"
+            raise InputError(f"{path}: ordinate of type {code}: must be {known}")
+    if len(found := {QUANTITIES[code] for code in codes}) > 1:
+        raise InputError(f"{path}: ordinates of types {', '.join(map(str, codes))}: must be of one quantity")
+    return found.pop()

@@ -18,8 +18,8 @@ class ResonanceRecord(Part):
     frequency_hz: float = column("frequency", "Hz", error="frequency_error")
     quality_factor: float | None = column("quality factor; None if it cannot be read", error="quality_error")
     frequency_error: float | None = column(
-        f"relative error bar of frequency_hz: if measured, {SCATTER}; if computed, that of the model; "
-        "None without an estimate",
+        f"relative error bar of frequency_hz: if measured, {SCATTER}, or without a circle the distance to the neighbouring "
+        "frequencies; if computed, that of the model; None without an estimate",
         default=None,
     )
     quality_error: float | None = column(
@@ -53,7 +53,7 @@ class MeasuredSweepRecord(ResonanceRecord):
     frequency_shift: float = column("frequency_shift_hz over the computed frequency")
     computed: ComputedResonance = column("computed resonance")
     frequency_shift_error_hz: float | None = column(
-        "error bar of frequency_shift_hz, Hz, from the model and the scatter of the points; None without that of the model",
+        "error bar of frequency_shift_hz, Hz, from the model and the measured frequency; None if that of one is unknown",
         default=None,
     )
 

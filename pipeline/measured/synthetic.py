@@ -47,8 +47,8 @@ def _scattered(values: ComplexArray, noise: float, random: np.random.Generator) 
 
 def _sweep(case: Case, response: SolvedResponse, noise: float, random: np.random.Generator) -> str:
     """Write velocity per volt where the zone moves most, as amplitude and phase."""
-    tone = tones(case, response.peak.frequency_hz)
-    place = loudest_point(response.forced, response.peak.frequency_hz, case.design.width_m / 2.0)
+    tone = tones(response.peak.frequency_hz, case.one_quality_factor("--synthetic-data"))
+    place = loudest_point(response.forced, response.peak.frequency_hz)
     seen = _scattered(2j * pi * tone * point_response(response.forced, place, tone), noise, random)
     lines = [f"# a laser at x = {place[0] / MM:.2f} mm, y = {place[1] / MM:.2f} mm of the touch face"]
     head = ("frequency_Hz", "velocity_amplitude_m_per_s_per_V", "velocity_phase_deg")
@@ -67,9 +67,9 @@ def _field(case: Case, response: SolvedResponse, noise: float, random: np.random
     return f"# at {peak:.3f} Hz\n" + outputs.csv_bytes(head, rows).decode()
 
 
-def tones(case: Case, peak_hz: float) -> FloatArray:
+def tones(peak_hz: float, quality_factor: float) -> FloatArray:
     """Evenly spaced frequencies around a peak, Hz."""
-    reach = REACH * peak_hz / case.one_quality_factor("--synthetic-data") / 2.0
+    reach = REACH * peak_hz / quality_factor / 2.0
     return np.linspace(peak_hz - reach, peak_hz + reach, TONES)
 
 

@@ -557,6 +557,11 @@ class SyntheticResponse(Response, instead_of="response", by="synthetic_data"):
         default=0.01, at_least=0.0, at_most=1.0, metavar="R", help="rms of that noise relative to the peak"
     )
 
+    def check(self, case: Case) -> None:
+        """Raise InputError for losses without one quality factor, too, from which the file's frequencies follow."""
+        super().check(case)
+        case.one_quality_factor("--synthetic-data")
+
     def _write(self, case: Case, solved: SolvedResponse, run: Run) -> list[Path]:
         from pipeline.measured.synthetic import write
 

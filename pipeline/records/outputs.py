@@ -20,7 +20,6 @@ from geometry import files
 from pipeline import quantity
 from pipeline.errors import InputError
 from pipeline.quantity import Unit
-from pipeline.records.store import StoreError, write_atomic
 
 STANDARD_OUTPUT = "-"
 DOCUMENTS = ("json", "csv", "markdown")  # documents written to a file or, one of them, to standard output
@@ -154,11 +153,9 @@ def folder(path: str) -> Path:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Write a file as geometry.files does. Raises InputError if the place cannot be written."""
-    try:
-        write_atomic(path, data)
-    except StoreError as error:
-        raise InputError(error.lines) from error
+    """Write a file or standard output. Raises InputError if the place cannot be written."""
+    with delivered(path) as temporary:
+        temporary.write_bytes(data)
 
 
 @contextmanager

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from functools import cached_property
 from importlib import import_module
 from itertools import pairwise
 from math import isclose, isfinite
@@ -216,11 +215,6 @@ class DesignRecord(Part):
         own["zone_centres_m"] = design.zone_centres_m.tolist() if design.zones > 1 else []
         return cls.of(design, pillar=shape, pillar_centres_m=design.pillar_centres().tolist(), **own)
 
-    @cached_property
-    def key(self) -> str:
-        """Key that is equal for equal designs."""
-        return self.model_dump_json()
-
     @property
     def lattice(self) -> Lattice:
         """Lattice of the rows."""
@@ -228,13 +222,6 @@ class DesignRecord(Part):
         if self.oblique_m:
             return Lattice(*self.oblique_m)
         return Lattice.of_rows(self.pitch_x_m, self.pitch_y_m, self.staggered)
-
-    @property
-    def cell(self) -> tuple[Any, ...]:
-        """Key of the unit cells of the rows."""
-        rows = tuple(self.graded_pillars), tuple(self.graded_widths_m)
-        own = self.pitch_x_m, self.pitch_y_m, self.thickness_m, self.pillar, rows, self.staggered
-        return own if self.oblique_m is None else (*own, self.oblique_m)
 
     @property
     def pillars(self) -> list[PillarRecord]:
@@ -274,6 +261,14 @@ class DesignRecord(Part):
         rows = self.graded_pillars
         counts = Counter(y for _, y in self.pillar_centres_m).values()  # row by row along y
         return [each for pillar, count in zip((*rows[::-1], *rows), counts, strict=True) for each in [pillar] * count]
+
+
+class KeysRecord(Part):
+    """Hashes of plate, modes of the plate and bands of its cell: equal for cases of a study that share it."""
+
+    plate: str
+    plate_modes: str
+    cell_bands: str
 
 
 class MeshRecord(Part):
@@ -326,6 +321,7 @@ class Record(Checked):
     warnings: list[str] = []
     plan: PlanRecord | None = None
     design: DesignRecord | None = None
+    keys: KeysRecord | None = None
     meshes: list[MeshRecord] = []
     answers: dict[str, Any] = {}
     other: dict[str, Any] = {}

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 COMPUTING_FOLDERS = ("geometry", "solvers", "pipeline", "firmware")
+COMPUTING_SUFFIXES = (".py", ".csv", ".toml")
 TABLE_LAYOUT = "firmware/mode_table.py"  # the part of firmware/ on which a record depends
 
 # Files of pipeline/ that only dispatch, display or store: editing them changes no number.
@@ -39,6 +40,10 @@ COMPUTING_PACKAGES = ("numpy", "scipy", "cadquery", "cadquery-ocp", "pytetwild",
 
 FIELDS = "fields.npz"  # every mode in full; written only on demand
 INPUT, RECORD, ARRAYS = "input.json", "record.json", "arrays.npz"
+OUTPUTS = (  # further files of a case, of questions that a later run may not ask
+    *("mode_table.bin", "mode_table.h", "travelling_wave.bin", "travelling_wave.h"),
+    *("plate.step", "plate.3mf", "plate_mm.stl"),
+)
 TIMING, MANIFEST, RUN_LOG = "timing.json", "files.json", "run.mess"
 TEMPORARY = files.PART
 UNLISTED = {RECORD, TIMING, MANIFEST, RUN_LOG}
@@ -101,8 +106,9 @@ def file_hash(path: Path) -> str:
 
 
 def computing_sources(root: Path = ROOT) -> list[Path]:
-    """Return every source file whose edit may change a number: all but the few that only dispatch and display."""
-    paths = (path for folder in COMPUTING_FOLDERS for path in (root / folder).rglob("*.py"))
+    """Return every file whose edit may change a number: sources, but the few that only dispatch and display, and data."""
+    found = (path for folder in COMPUTING_FOLDERS for path in (root / folder).rglob("*"))
+    paths = (path for path in found if path.suffix in COMPUTING_SUFFIXES)
     return sorted(path for path in paths if not _only_shows(path.relative_to(root)))
 
 
@@ -204,10 +210,10 @@ def load_arrays(folder: Path) -> dict[str, np.ndarray]:
 
 
 def begin(folder: Path, payload: dict[str, Any]) -> None:
-    """Open a case: remove the record of an earlier run, then leftovers of killed ones, then store the input."""
+    """Open a case: remove record and results of an earlier run, then leftovers of killed ones, then store the input."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in (RECORD, MANIFEST, TIMING, ARRAYS, FIELDS):
+        for name in (RECORD, MANIFEST, TIMING, ARRAYS, FIELDS, *OUTPUTS):
             (folder / name).unlink(missing_ok=True)
     except OSError as error:
         raise _named(error, folder, 0) from error

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ValidationError
 
 from pipeline.records import record, store
-from pipeline.records.record import DesignRecord, Record
+from pipeline.records.record import KeysRecord, Record
 
 if TYPE_CHECKING:
     import numpy as np
 
 CASES = "cases.json"
-SAME_PLATE = ("tet_modes", "geometry")  # results that a case shares with another one of the same design
+SAME_PLATE = ("tet_modes", "geometry")  # results that a case shares with another one of the same plate
 SAME_CELL = ("tet_bands",)  # ... of the same unit cell
 SIBLING_ARRAYS = ("tet_", "cell_")
 
@@ -116,20 +116,20 @@ class StoredStudy:
 
     @cached_property
     def _by_plate(self) -> dict[str, list[StoredCase]]:
-        return _grouped(self.cases, lambda design: design.key)
+        return _grouped(self.cases, lambda keys: keys.plate_modes)
 
     @cached_property
     def _by_cell(self) -> dict[str, list[StoredCase]]:
-        return _grouped(self.cases, lambda design: repr(design.cell))
+        return _grouped(self.cases, lambda keys: keys.cell_bands)
 
     def with_cross_checks(self, case: StoredCase) -> StoredCase:
         """Complete a case with the cross-checks that a study computes once per plate or unit cell."""
         own = case.record
-        if own.design is None or not (own.target or own.held("bands")):
+        if own.keys is None or not (own.target or own.held("bands")):
             return case
         plates, cells = (
             [other for other in group if other.case_id != case.case_id]
-            for group in (self._by_plate.get(own.design.key, []), self._by_cell.get(repr(own.design.cell), []))
+            for group in (self._by_plate.get(own.keys.plate_modes, []), self._by_cell.get(own.keys.cell_bands, []))
         )
         borrowed = {
             key: other.record.held(key)
@@ -147,12 +147,12 @@ class StoredStudy:
         return replace(case, record=own.with_parts(**borrowed), siblings=folders)
 
 
-def _grouped(cases: Iterable[StoredCase], key: Callable[[DesignRecord], str]) -> dict[str, list[StoredCase]]:
+def _grouped(cases: Iterable[StoredCase], key: Callable[[KeysRecord], str]) -> dict[str, list[StoredCase]]:
     """Return cases with a cross-check to share, grouped by key, in order."""
     groups = defaultdict(list)
     for case in cases:
-        if case.record.design and case.has_cross_check:
-            groups[key(case.record.design)].append(case)
+        if case.record.keys and case.has_cross_check:
+            groups[key(case.record.keys)].append(case)
     return groups
 
 

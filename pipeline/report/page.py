@@ -388,9 +388,10 @@ def _shown(
 
 def _twin(study: StoredStudy, case: StoredCase) -> StoredCase | None:
     """Return the case of the sweep with the same plate as this one, which the study computes in addition."""
-    if case.sweep or case.record.design is None:
+    if case.sweep or not (keys := case.record.keys):
         return None
-    return next((other for other in study.cases if other.sweep and other.record.design == case.record.design), None)
+    swept = (other for other in study.cases if other.sweep)
+    return next((other for other in swept if other.record.keys and other.record.keys.plate == keys.plate), None)
 
 
 def _case_page(

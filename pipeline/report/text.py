@@ -295,7 +295,7 @@ def band_of_rows(known: AttenuationResult, frequency_hz: float) -> tuple[float, 
 
 
 def plates(study: StoredStudy) -> list[StoredCase]:
-    """Return the study's cases, each design once: a plate in addition to a sweep may also be one of the sweep."""
+    """Return the study's cases, each plate once: a plate in addition to a sweep may also be one of the sweep."""
     first: dict[str, str] = {}
     for case in sorted(study.cases, key=lambda case: not case.sweep):
         first.setdefault(_plate_key(case), case.case_id)
@@ -303,8 +303,8 @@ def plates(study: StoredStudy) -> list[StoredCase]:
 
 
 def _plate_key(case: StoredCase) -> str:
-    """Return the key of the design; the case's name without a design, so that it counts once."""
-    return case.record.design.key if case.record.design else case.case_id
+    """Return the key of the plate; the case's name without one, so that it counts once."""
+    return case.record.keys.plate if case.record.keys else case.case_id
 
 
 def _ended(study: StoredStudy) -> Card:

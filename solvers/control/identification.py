@@ -275,7 +275,8 @@ class Resonance:
     """A sweep's highest point and the mode identified around it.
 
     frequency_hz, quality_factor: the circle's, or the highest point and the half-power width where there is no circle
-    (`trouble` says why); low_hz, high_hz: range of the circle fit.
+    (`trouble` says why); low_hz, high_hz: range of the circle fit. frequency_error: relative error bar of frequency_hz: the
+    circle's, or the distance from the highest point to its neighbours; None if unknown, as at an end of the sweep.
     """
 
     peak_hz: float
@@ -286,6 +287,7 @@ class Resonance:
     low_hz: float
     high_hz: float
     trouble: str | None
+    frequency_error: float | None
 
 
 def resonance(sweep: Sweep, sensor: Sensor) -> Resonance:
@@ -324,7 +326,15 @@ def resonance(sweep: Sweep, sensor: Sensor) -> Resonance:
     found = identified.plant if identified else None
     tone, quality = (found.frequency_hz, found.quality_factor) if found else (peak_hz, half)
     low_hz, high_hz = float(part.frequencies_hz[0]), float(part.frequencies_hz[-1])
-    return Resonance(peak_hz, tone, quality, half, identified, low_hz, high_hz, trouble)
+    error = identified.frequency_error if identified else _between_points(sweep.frequencies_hz, peak)
+    return Resonance(peak_hz, tone, quality, half, identified, low_hz, high_hz, trouble, error)
+
+
+def _between_points(frequencies_hz: FloatArray, peak: int) -> float | None:
+    """How far a maximum may lie from the highest point, relative; None at an end, beyond which it may lie anywhere."""
+    if not 0 < peak < len(frequencies_hz) - 1:
+        return None
+    return float(np.diff(frequencies_hz[peak - 1 : peak + 2]).max() / frequencies_hz[peak])
 
 
 def _about(amplitude: FloatArray, peak: int) -> tuple[int, int]:

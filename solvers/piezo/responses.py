@@ -140,8 +140,10 @@ def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: Flo
     return np.asarray(np.sum(parts, axis=0))
 
 
-def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float) -> tuple[float, float]:
-    """Find the point of the largest |u_z| of the operating shape; of equal ones, the first with x, y >= 0.
+def loudest_point(forced: ForcedPlate, frequency_hz: float) -> tuple[float, float]:
+    """Find the point of the zone with the largest |u_z| of the operating shape.
+
+    Of equal ones, the first with x and y not below those of the zone's centre.
 
     Parameters
     ----------
@@ -149,18 +151,17 @@ def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float)
         The plate with its modes.
     frequency_hz : float
         Frequency of the drive.
-    half_width_m : float
-        Only |y| below it counts.
 
     Returns
     -------
     tuple of float
-        x and y, in m.
+        x and y from the plate's centre, in m.
     """
     points, values = forced.shape(frequency_hz)
-    size = np.where(np.abs(points[:, 1]) < half_width_m, np.abs(values), 0.0)
+    size = np.where(forced.design.in_zone(points), np.abs(values), 0.0)
     equal = np.flatnonzero(size >= (1.0 - 1e-6) * size.max())
-    best = equal[np.lexsort((points[equal, 0], points[equal].min(axis=1) < 0.0))[0]]
+    from_centre = points[equal] - np.asarray(forced.design.centre_m)
+    best = equal[np.lexsort((points[equal, 0], from_centre.min(axis=1) < 0.0))[0]]
     return float(points[best, 0]), float(points[best, 1])
 
 

@@ -13,6 +13,7 @@ import pytest
 from firmware import build as builder
 from firmware.host import PLACES
 from firmware.image import Elf, svd_text
+from firmware.image import main as analyse
 from firmware.mode_table import MAX_SHAPES, Mode, ModeTable, Pattern, Shape, describe, from_bytes, header_text, to_bytes
 
 TABLE = ModeTable(250e3, bytes(range(16)), (Mode.from_quality_factor(31404.5, 300.0, delay_s=2e-6),))
@@ -168,6 +169,24 @@ def test_a_table_that_is_not_there_is_named_with_the_option(tmp_path: Path, caps
     error = capsys.readouterr().err
     assert f"{option} {tmp_path / 'none'}: " in error and "No such file or directory)" in error and "Errno" not in error
     assert error.count("\n") == 1
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "t.bin").write_bytes(to_bytes(TABLE))
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setattr(builder, "toolchain", lambda *_: ("cc", []))
+    assert builder.main(["--table", str(tmp_path / "t.bin"), "--out", str(tmp_path / "file")]) == 2
+    said = f"firmware: --out {tmp_path / 'file'}: Not a directory: must be a folder that can be written\n"
+    assert capsys.readouterr().err == said
+
+
+def test_a_file_that_is_no_image_is_refused_in_one_line(tmp_path: Path, capsys) -> None:
+    pytest.importorskip("elftools")
+    (tmp_path / "t.bin").write_bytes(to_bytes(TABLE))
+    for name, words in (("t.bin", "not an ELF file"), ("none", "No such file or directory")):
+        assert analyse([str(tmp_path / name), "an_fast_tick"]) == 2
+        error = capsys.readouterr().err
+        assert error.startswith(f"bounds: {tmp_path / name}: {words}") and error.count("\n") == 1
 
 
 def test_no_table_is_said_with_the_way_to_get_one(tmp_path: Path, capsys) -> None:

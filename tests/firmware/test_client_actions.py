@@ -328,7 +328,9 @@ class Full(FakePort):
 
 def test_a_stream_gives_every_sample_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
     write_sound(tmp_path / "a.wav", list(range(200)), width=1)
-    monkeypatch.setattr(actions.time, "sleep", lambda seconds: None)
+    now = [0.0]
+    monkeypatch.setattr(actions.time, "sleep", lambda seconds: now.append(now[-1] + seconds))
+    monkeypatch.setattr(actions.time, "monotonic", lambda: now[-1])
     port = Full()
     assert run(monkeypatch, port, "stream", str(tmp_path / "a.wav"), "0.2") == 0
     assert port.kept == [round(level / 255 * 65535) for level in range(200)]
@@ -550,6 +552,8 @@ def test_a_board_that_takes_no_samples_ends_the_stream(monkeypatch: pytest.Monke
 
     waited: list[float] = []
     monkeypatch.setattr(actions.time, "sleep", waited.append)
+    monkeypatch.setattr(actions.time, "monotonic", lambda: sum(waited))
     with pytest.raises(BoardError, match="accepts no samples; 0 of 300 were played"):
-        actions._give(Full(), [0.5] * 300, 1e-3)  # type: ignore[arg-type]
-    assert sum(waited) >= 3 * actions.STORE * 1e-3
+        actions._give(Full(), [0.5] * 300, 1e-2)  # type: ignore[arg-type]
+    assert sum(waited) >= 3 * actions.STORE * 1e-2
+    assert max(waited) <= actions.LOOK_S  # the board takes half a second of silence for a lost line

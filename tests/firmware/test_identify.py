@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -200,6 +201,18 @@ def test_a_plate_that_softens_or_stiffens_is_measured_at_a_lower_level(
     found = identify(bench.client)
     assert found.values.motion < 0.07 and close(found, bench, 0.05 * half_hz, 0.02)
     assert abs(bench.held()) < 2e-3
+
+
+def test_a_plate_that_softens_at_the_least_level_too_is_refused(core) -> None:
+    """At 0.028 of the drive limit; a third of that is the least level, so that they cannot differ four times."""
+    bench = Bench(300.0, -0.01, gain=4.0)
+    bench.rig.rig.plate.softening = 2.0 * math.pi * 2.0 * TRUE / 300.0 / 250e3 / 0.36
+    assert re.search(r"changes by 2. % with the level, at 0.02", bench.refused())
+
+
+def test_levels_too_close_to_compare_are_told(core) -> None:
+    found = identify(Bench(300.0, 0.02).client)
+    assert "level" not in describe(found) and "not compared with a lower level" in describe(replace(found, bent=None))
 
 
 @pytest.mark.parametrize(("quality_factor", "gain"), [(300.0, 0.02), (1000.0, 0.05)])

@@ -32,6 +32,7 @@ from pipeline.records import record as stored
 from pipeline.records import store
 from pipeline.records.record import (
     DesignRecord,
+    KeysRecord,
     MeshRecord,
     PillarRecord,
     Record,
@@ -63,6 +64,12 @@ def design(rows: int, pitch: float, extension: float) -> DesignRecord:
         pillar=pillar if rows else None,
         pillar_centres_m=centres if rows else [],
     )
+
+
+def keys(shape: DesignRecord) -> KeysRecord:
+    """Keys of a design whose case differs from others in the design alone."""
+    plate = shape.model_dump_json()
+    return KeysRecord(plate=plate, plate_modes=plate, cell_bands=f"{shape.pitch_x_m} {shape.pitch_y_m} {shape.pillar}")
 
 
 def grid(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -311,7 +318,8 @@ def modes(one: TargetRecord, result: Sequence[ModeRecord] = (), dof: int = 12000
 
 def case(case_id: str, sweep: dict[str, Any] | None = None, status: str = "OK", **sections: Any) -> StoredCase:
     """A case at hand, of any part of a record."""
-    return StoredCase(Path(case_id), Record(case_id=case_id, status=status, sweep=sweep or {}, **sections))
+    own = {"keys": keys(sections["design"])} if "design" in sections else {}
+    return StoredCase(Path(case_id), Record(case_id=case_id, status=status, sweep=sweep or {}, **own | sections))
 
 
 def mesh(kind: str, cells: int, dof: int) -> MeshRecord:
@@ -335,6 +343,7 @@ def record(case_id: str, sweep: dict[str, Any], shape: DesignRecord, level_db: f
         versions={"python": "3.11.7", "numpy": "2.4.6"},
         sweep=sweep,
         design=shape,
+        keys=keys(shape),
         geometry=GeometryResult(
             files=["plate.stl", "plate.step"],
             mass_kg=0.0432,

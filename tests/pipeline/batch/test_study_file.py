@@ -10,11 +10,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from pipeline.batch import study_file
+from pipeline.batch import case_study, study_file
 from pipeline.batch.study_file import STUDIES, load_study
 from pipeline.case.model import case_from_dict, load_case, read_case
 from pipeline.case.reading import toml_text
 from pipeline.errors import InputError
+from pipeline.records.record import KeysRecord
 from pipeline.report import text
 
 STUDY = '[study]\nname = "s"\ncase = "three-rows.toml"\nmeasure = ["modes"]\n'
@@ -194,3 +195,23 @@ def test_the_command_of_a_paired_case_leaves_out_the_sizes_of_other_shapes(monke
     sweep = {"pillar.side_mm": 2.1, "pillar.diameter_mm": 2.3, "pillar.shape": "round"}
     command = text.command(None, SimpleNamespace(sweep=sweep))
     assert command == "antinode modes plate.toml --set pillar.diameter_mm=2.3 --set 'pillar.shape=\"round\"'"
+
+
+@pytest.mark.parametrize(
+    ("override", "shared"),
+    [
+        ("array.rows=1", {"cell_bands"}),
+        ("array.pitch_mm=5", set()),
+        ('material="glass"', set()),
+        ("damping.quality=77.0", {"cell_bands"}),
+        ("solve.temperature_C=60", set()),
+        ("solve.near_kHz=20", set()),
+        ("solve.accuracy=0.01", {"plate"}),
+        ('bands.path="GX"', {"plate", "plate_modes"}),
+    ],
+)
+def test_cases_share_a_plate_its_modes_or_its_cell_where_they_are_the_same(study, override, shared):
+    path = study("").parent / "three-rows.toml"
+    one, other = case_study.keys_of(load_case(path)), case_study.keys_of(load_case(path, [override]))
+    assert one == case_study.keys_of(load_case(path, ['name="another"']))
+    assert {name for name in KeysRecord.model_fields if getattr(one, name) == getattr(other, name)} == shared

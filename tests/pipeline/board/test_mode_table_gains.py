@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from firmware.mode_table import from_bytes, hold
+from pipeline.board import export
 from pipeline.board.export import (
     SAMPLE_RATE_HZ,
     ModalGains,
@@ -18,9 +21,12 @@ from pipeline.board.export import (
 )
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
+from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models.forced import forced_plate
+from pipeline.paths import ROOT
 from solvers.piezo.forced import ForcedPlate, in_phase_signs
+from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import three_patches
 
 CASE = three_patches((12.0, 40.0), 0.03)
@@ -138,3 +144,43 @@ def test_export_computes_them_only_for_patches_that_drive_and_listen(file: Path,
     text = capsys.readouterr().err
     assert all(mode.gain is None for mode in from_bytes(target.read_bytes()).modes)
     assert "no gains" in text and "bond the patches" not in text
+
+
+@pytest.mark.parametrize(("near_hz", "target_hz"), [(None, None), (None, 60e3), (30e3, None), (55e3, 60e3)])
+def test_a_patched_plate_without_its_target_mode_is_refused_or_named(
+    case: Case, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, near_hz: float | None, target_hz: float | None
+) -> None:
+    """Without --force there is no nearest mode to take; with it, the plate is solved about that mode."""
+    plate = SimpleNamespace(target_place=lambda: None, target_hz=lambda: target_hz, band_hz=(12e3, 40e3))
+    asked: list[Any] = []
+
+    def solved(case: Case, log: RecordingLog, band_hz: Any = None) -> Any:
+        asked.append(band_hz)
+        return plate
+
+    def stopped(plate: Any, near_hz: float | None) -> None:
+        raise StopIteration
+
+    monkeypatch.setattr("pipeline.models.forced.forced_plate", solved)
+    monkeypatch.setattr(export, "modal_gains", stopped)
+    log = RecordingLog()
+    refused = near_hz is None and target_hz is None
+    with pytest.raises(InputError if refused else StopIteration, match="with --force" if refused else None):
+        export.write_gains(case, tmp_path, log, near_hz=near_hz)
+    about = near_hz or target_hz
+    outside = [] if about is None or about < 40e3 else [pytest.approx((0.8 * about, 1.2 * about))]
+    assert asked == [None, *outside]
+    assert ("TABLE" in log.warnings) == (near_hz is not None)
+
+
+@pytest.mark.slow
+def test_a_sensor_on_a_node_of_the_target_mode_gives_a_table_without_its_gain(tmp_path: Path) -> None:
+    """The middle of three patches listens on the nodal line of an odd shape, and two drive it."""
+    path, target = tmp_path / "node.toml", tmp_path / "node.bin"
+    path.write_text((ROOT / "examples/small.toml").read_text())
+    given = ["solve.accuracy=0.1", "zone.nodal_lines=3", "patches.size_mm=[8.0,3.0,0.3]", "patches.sensors=[1]"]
+    given.append("patches.centres_mm=[[-20,0],[0,0],[20,0]]")
+    options = [word for each in given for word in ("--set", each)]
+    assert main(["export", "table", str(path), *options, "-o", str(target)]) == 0
+    table = from_bytes(target.read_bytes())
+    assert table.modes[table.target].gain is None

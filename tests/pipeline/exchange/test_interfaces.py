@@ -63,6 +63,19 @@ def shapes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("form", exports.ONE_FILE)
+def test_one_file_goes_to_standard_output_alone(
+    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    more = (PATCH, BAND) if form in ("driven", "uff", "impedance") else (BAND,)
+    place = written(form, tmp_path / f"x{'.csv' if form == 'impedance' else exports.ENDINGS[form][0]}", *more)
+    capfdbinary.readouterr()
+    written(form, Path("-"), *more)
+    assert len(capfdbinary.readouterr().out) == place.stat().st_size and list(tmp_path.iterdir()) == [place]
+
+
+@pytest.mark.slow
 def test_phonopys_file_has_the_bands_of_the_command(tmp_path: Path) -> None:
     data = yaml.safe_load(written("phonopy", tmp_path / "band.yaml").read_text())
     settings = [word for text in COARSE for word in ("--set", text)]

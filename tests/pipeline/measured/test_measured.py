@@ -30,7 +30,7 @@ def swept(tmp_path: Path, text: str) -> MeasuredSweep:
 DEGREES, DECIBELS = np.degrees(np.angle(VALUES)), 20.0 * np.log10(np.abs(VALUES))
 WRITTEN = {
     "real": "frequency_Hz,real,imag\n" + rows(TONES, VALUES.real, VALUES.imag),
-    "kilohertz": "Frequency_kHz,real_V,imag_V\n" + rows(np.divide(TONES, 1e3), VALUES.real, VALUES.imag),
+    "kilohertz": "Frequency_kHz,real_mm_s,imag_mm_s\n" + rows(np.divide(TONES, 1e3), VALUES.real, VALUES.imag),
     "degrees": "frequency_hz,amplitude,phase_deg\n" + rows(TONES, np.abs(VALUES), DEGREES),
     "radians": "frequency_MHz;amplitude_mm_per_s;phase_rad\n"
     + rows(np.divide(TONES, 1e6), np.abs(VALUES), np.angle(VALUES), delimiter=";"),
@@ -61,11 +61,51 @@ def test_the_column_says_what_was_measured(tmp_path: Path, quantity: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("unit", "quantity"), [("m/s", "velocity"), ("µm", "displacement"), ("V", "sensor"), ("nm", "displacement")]
+    ("unit", "quantity"),
+    [
+        ("m/s", "velocity"),
+        ("µm", "displacement"),
+        ("V", "sensor"),
+        ("nm", "displacement"),
+        ("mV", "sensor"),
+        ("pm/V", "displacement"),
+        ("nm/s", "velocity"),
+        ("(mm/s)/V", "velocity"),
+        ("dB re 1 µm", "displacement"),
+        ("dB re 1 m/s", "velocity"),
+    ],
 )
 def test_a_unit_in_brackets_says_what_was_measured(tmp_path: Path, unit: str, quantity: str) -> None:
     head = f"Frequency [Hz],Magnitude [{unit}],Phase [°]\n"
     assert swept(tmp_path, head + rows(TONES, np.abs(VALUES), DEGREES)).quantity == quantity
+
+
+@pytest.mark.parametrize(
+    ("suffix", "quantity"),
+    [
+        ("", "velocity"),
+        ("_m_per_s_per_V", "velocity"),
+        ("_nm", "displacement"),
+        ("_um_per_V", "displacement"),
+        ("_mV", "sensor"),
+    ],
+)
+def test_a_unit_at_the_end_of_a_name_says_what_was_measured(tmp_path: Path, suffix: str, quantity: str) -> None:
+    head = f"frequency_Hz,real{suffix},imag{suffix}\n"
+    assert swept(tmp_path, head + rows(TONES, VALUES.real, VALUES.imag)).quantity == quantity
+
+
+@pytest.mark.parametrize("unit", ["N", "N/V", "dB re 20 uPa", "ohm", "a.u."])
+def test_a_unit_of_something_else_is_no_velocity(tmp_path: Path, unit: str) -> None:
+    values = rows(TONES, np.abs(VALUES), DEGREES)
+    with pytest.raises(InputError, match="unknown unit: must be m/s, m, m/s2, g or V"):
+        swept(tmp_path, f"Frequency [Hz],Magnitude [{unit}],Phase [°]\n" + values)
+    assert swept(tmp_path, f"frequency_Hz,velocity_amplitude_{unit},phase_deg\n" + values).quantity == "velocity"
+
+
+def test_a_unit_of_another_quantity_than_the_name_says_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="its unit is that of a displacement: must be of a velocity"):
+        swept(tmp_path, "frequency_Hz,velocity_real_nm,velocity_imag_nm\n" + rows(TONES, VALUES.real, VALUES.imag))
 
 
 def test_an_acceleration_is_read_as_the_displacement_it_is_of(tmp_path: Path) -> None:

@@ -6,6 +6,8 @@ import json
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,10 +16,13 @@ import pytest
 from pipeline.case.model import MeasuredFiles, load_case
 from pipeline.cli.main import main
 from pipeline.errors import InputError
+from pipeline.measured import comparison
 from pipeline.measured.comparison import read
-from pipeline.measured.files import read_field, read_sweep
+from pipeline.measured.files import MeasuredSweep, read_field, read_sweep
 from pipeline.measured.parts import ComputedResonance, MeasuredSweepRecord
+from solvers.control.identification import Sweep
 from tests.helpers.coarse_cells import mesh_coarsest
+from tests.helpers.recording_log import RecordingLog
 
 ROOT = Path(__file__).resolve().parents[3]
 FOLDER = ROOT / "examples" / "measured"
@@ -221,3 +226,23 @@ def test_a_sweep_of_the_case_s_own_is_told_by_its_keys(tmp_path: Path) -> None:
     aside = replace(case, measured=MeasuredFiles(FOLDER / "sweep.csv", None, (0.3, 0.0)))
     with pytest.raises(InputError, match=r"33-measured.toml: measured.at_mm = '300.0,0.0': must be"):
         read(aside, None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("model", "coarse", "half_hz"), [(0.002, True, 62.0 + 400.0), (0.002, False, 62.0), (None, True, None)]
+)
+def test_the_bar_of_a_shift_holds_the_step_between_the_points(
+    monkeypatch: pytest.MonkeyPatch, model: float | None, coarse: bool, half_hz: float | None
+) -> None:
+    """Of a peak at 31 kHz whose few points fit no circle; many points without noise do."""
+    fine = np.linspace(30e3, 32e3, 401)
+    given = 31e3 + 400.0 * np.arange(-5.0, 6.0) if coarse else fine
+    values = [1.0 / (1.0 + 2j * 300.0 * (tone / 31e3 - 1.0)) for tone in (given, fine)]
+    if coarse:
+        values[0] = np.abs(values[0]).astype(complex)  # without phases there is no circle
+    response = SimpleNamespace(curve=SimpleNamespace(frequency_hz=fine), expected_error=model)
+    monkeypatch.setattr(comparison, "_computed", lambda *_: (None, values[1]))
+    measured = MeasuredSweep("sweep.csv", False, "velocity", Sweep(given, values[0]))
+    record, _ = comparison._sweep(load_case(CASE), cast(Any, response), measured, None, RecordingLog())
+    assert (record.no_circle is not None) == coarse
+    assert record.frequency_shift_error_hz == (half_hz and pytest.approx(half_hz, rel=0.01))

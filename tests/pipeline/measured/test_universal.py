@@ -20,20 +20,27 @@ SHAPE = np.array([1.0, -2.0, 3.0, -4.0, 5.0, -6.0])
 PEAK = 1.0 / (TONES[6] ** 2 - TONES**2 + 1j * TONES * TONES[6] / 300.0) * 1e6
 
 
-def written(path: Path, directions: list[list[int]], kind: int = 11, signs: np.ndarray | None = None) -> str:
-    """Nodes, and a response of each in each of its directions; along x and y ten times the motion along z."""
+def written(path: Path, directions: list[list[int]], *kinds: int, at_0_hz: complex = 0.0) -> str:
+    """Nodes, and a response of each in each of its directions; along x and y ten times the motion along z.
+
+    kinds: of all nodes in turn, 11 by default; at_0_hz: of the first node, which then has another frequency.
+    """
     lines = ["    -1", "    15"]
     lines += [f"{n:10d}{0:10d}{0:10d}{0:10d}{x:13.5E}{y:13.5E}{0.0:13.5E}" for n, (x, y) in enumerate(PLACES, 1)]
     lines += ["    -1"]
     for node, along in enumerate(directions):
         for direction in along:
+            kind = (kinds or (11,))[node % max(1, len(kinds))]
+            tones, peak = TONES, PEAK
+            if at_0_hz and not node:
+                tones, peak = np.append(0.0, TONES), np.append(at_0_hz, PEAK)
             scale = SHAPE[node] * (10.0 if abs(direction) in (1, 2) else 1.0) * (-1.0 if direction == -3 else 1.0)
-            values = scale * PEAK * (-((2 * np.pi * TONES) ** 2) if kind == 12 else 1.0)
+            values = scale * peak * (-((2 * np.pi * tones) ** 2) if kind == 12 else 1.0)
             lines += ["    -1", "    58", *["NONE"] * 5]
             lines += [f"{4:5d}{0:10d}{0:5d}{0:10d} {'NONE':10s}{node + 1:10d}{direction:4d} {'NONE':10s}{0:10d}{0:4d}"]
-            lines += [f"{6:10d}{len(TONES):10d}{0:10d}{0.0:13.5E}{0.0:13.5E}{0.0:13.5E}"]
+            lines += [f"{6:10d}{len(tones):10d}{0:10d}{0.0:13.5E}{0.0:13.5E}{0.0:13.5E}"]
             lines += [f"{code:10d}{0:5d}{0:5d}{0:5d} {'NONE':20s} {'NONE':20s}" for code in (18, kind, 13, 0)]
-            lines += [f"{f:13.5E}{v.real:20.11E}{v.imag:20.11E}" for f, v in zip(TONES, values, strict=True)]
+            lines += [f"{f:13.5E}{v.real:20.11E}{v.imag:20.11E}" for f, v in zip(tones, values, strict=True)]
             lines += ["    -1"]
     path.write_text("\n".join(lines) + "\n")
     return str(path)
@@ -59,8 +66,24 @@ def test_a_sweep_is_of_the_node_that_moves_most_along_the_normal(tmp_path: Path)
 
 
 def test_an_accelerance_is_a_displacement_over_minus_omega_squared(tmp_path: Path) -> None:
-    measured = read_sweep(written(tmp_path / "sweep.uff", [[3]] * 6, kind=12))
+    measured = read_sweep(written(tmp_path / "sweep.uff", [[3]] * 6, 12))
     assert measured.quantity == "displacement" and np.allclose(measured.sweep.response, SHAPE[5] * PEAK, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("kinds", "at_0_hz"), [((12, 8, 8), 0.0), ((11,), 1e9)], ids=["accelerations", "offset"])
+def test_neither_an_acceleration_nor_an_offset_makes_a_node_the_one_that_moves_most(
+    tmp_path: Path, kinds: tuple[int, ...], at_0_hz: float
+) -> None:
+    """The last node moves most; accelerations of others are larger as numbers, and so is the first node's value at 0 Hz."""
+    measured = read_sweep(written(tmp_path / "sweep.uff", [[3]] * 6, *kinds, at_0_hz=at_0_hz))
+    assert np.allclose(measured.sweep.response, SHAPE[5] * PEAK, rtol=1e-5)
+
+
+def test_responses_of_two_quantities_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "mixed.uff", [[3]] * 6, 8, 11)
+    for reader in (read_sweep, shape_of):
+        with pytest.raises(InputError, match="types 8, 11: must be of one quantity"):
+            reader(path)
 
 
 def mutants_end_well(seeds: range, folder: Path) -> tuple[int, int]:

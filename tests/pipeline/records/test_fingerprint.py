@@ -30,7 +30,10 @@ def test_any_edit_of_what_computes_changes_the_hash_and_none_of_what_shows(check
     (checkout / "pipeline/a_new_step.py").write_text("")
     added = store.code_hash(checkout)
     (checkout / "geometry/layout.py").write_text("edited")
-    assert len({before, added, store.code_hash(checkout)}) == 3
+    edited = store.code_hash(checkout)
+    with (checkout / "solvers/accuracy/calibration.csv").open("a") as file:
+        file.write("another row\n")
+    assert len({before, added, edited, store.code_hash(checkout)}) == 4
 
 
 def test_every_module_that_computes_is_counted():

@@ -127,6 +127,14 @@ def test_a_file_for_others_on_standard_output_is_alone_and_whole(case: Path, cap
     assert len(ZipFile(io.BytesIO(sizes["3mf"])).namelist()) == 3 and not Path("-").exists()
 
 
+def test_text_on_standard_output_makes_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    outputs.write_file(Path("-"), b"a,b\n")
+    assert capfdbinary.readouterr().out == b"a,b\n" and not list(tmp_path.iterdir())
+
+
 def test_a_calculix_file_goes_where_it_is_sent(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "fifo")
     assert (
@@ -136,6 +144,8 @@ def test_a_calculix_file_goes_where_it_is_sent(tmp_path: Path) -> None:
     assert finite_elements.calculix_file(Path("x")) == Path("x.inp") and finite_elements.calculix_file(
         Path("x.inp")
     ) == Path("x.inp")
+    assert finite_elements.calculix_file(Path("X.INP")) == Path("X.INP")
+    assert finite_elements.aster_files(Path("a.MED"))[0] == Path("a.med")
 
 
 def test_a_terminal_is_no_place_for_bytes(monkeypatch: pytest.MonkeyPatch) -> None:

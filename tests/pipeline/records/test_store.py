@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.batch.runner import StudyBusy, study_lock
+from pipeline.board import export
 from pipeline.records import store
 
 PAYLOAD = {"name": "c", "value": 1.0}
@@ -225,8 +226,11 @@ def test_beginning_again_takes_the_old_proof_away_first(tmp_path: Path):
     folder = tmp_path / "c"
     finished_case(folder)
     (folder / f".arrays.npz.1{store.TEMPORARY}").write_bytes(b"half")
+    (folder / "notes.txt").write_text("of the user")
+    for path in (*export.places(folder, "mode_table"), *export.places(folder, "travelling_wave")):
+        path.write_bytes(b"of another design")
     store.begin(folder, PAYLOAD)
-    assert sorted(path.name for path in folder.iterdir()) == ["input.json"]
+    assert sorted(path.name for path in folder.iterdir()) == ["input.json", "notes.txt"]
 
 
 def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

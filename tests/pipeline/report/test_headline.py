@@ -60,6 +60,18 @@ def test_bending_is_that_of_the_best_plate_and_names_it(study: StoredStudy) -> N
     assert all("p6r3" in card.note for name, card in cards(study).items() if name != "Cases")
 
 
+def test_plates_of_one_shape_and_two_materials_are_two(study: StoredStudy) -> None:
+    """The second of them holds its mode better: it is the best plate, and all seven are ranked."""
+    brass = plate(6, 3, 31.0, name="brass", sweep={"material.plate": "brass"})
+    assert brass.record.keys
+    keys = brass.record.keys.model_copy(update={"plate": "brass"})
+    other = brass.record.model_copy(update={"keys": keys})
+    both = StoredStudy(Path("s"), {}, (*study.cases, replace(brass, record=other)))
+    assert len(text.plates(both)) == len(text.plates(study)) + 1
+    best = text.best_case(both)
+    assert best is not None and best.case_id == "brass"
+
+
 def test_large_studies_compare_no_design_with_every_other(study: StoredStudy, monkeypatch: pytest.MonkeyPatch) -> None:
     """A sweep of thousands of cases is grouped by its designs' keys."""
 

@@ -284,7 +284,9 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
     assert {"tet_points", "touch_uz"} <= visible.arrays().keys()
     assert study.with_cross_checks(study.cases[0]) == study.cases[0]  # what has no answer of its own borrows none
     other = synthetic.design(2, 0.004, 0.005)
-    stranger = replace(study.cases[1], record=unchecked.model_copy(update={"design": other}))
+    stranger = replace(
+        study.cases[1], record=unchecked.model_copy(update={"design": other, "keys": synthetic.keys(other)})
+    )
     mixed = StoredStudy(folder, {}, (study.cases[0], stranger)).with_cross_checks(stranger)
     assert mixed.record.held("tet_bands") and not mixed.record.held("tet_modes")  # the same cell, another plate
     text = Page(report_page.build(folder, max_figures=0).read_text()).text

@@ -62,7 +62,15 @@ def test_where_there_is_no_circle_the_peak_is_told_and_why() -> None:
     result = resonance(flat, "velocity")
     assert result.circle is None and result.trouble
     assert result.frequency_hz == result.peak_hz == TONES[-1]
-    assert result.quality_factor is None
+    assert result.quality_factor is None and result.frequency_error is None  # the maximum may lie beyond the end
+
+
+def test_without_a_circle_the_maximum_lies_between_the_neighbours_of_the_highest_point() -> None:
+    tone = np.array([10.0, 20.0, 30.0, 50.0, 60.0, 70.0, 80.0, 90.0])
+    values = np.array([1.0, 1.1, 3.0, 1.2, 1.0, 1.1, 1.0, 1.1]).astype(complex)
+    result = resonance(Sweep(tone, values), "velocity")
+    assert result.circle is None and result.frequency_hz == 30.0
+    assert result.frequency_error == pytest.approx(20.0 / 30.0)
 
 
 def test_a_sweep_too_coarse_for_the_floor_takes_its_neighbours_along() -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -46,7 +49,16 @@ def test_a_point_moves_as_the_shape_does_there(place: tuple[float, float]) -> No
 @pytest.mark.slow
 def test_the_loudest_point_of_the_zone_is_the_shapes_largest() -> None:
     points, values = lopsided().shape(TONE_HZ)
-    place = loudest_point(lopsided(), TONE_HZ, DESIGN.width_m / 2)
+    place = loudest_point(lopsided(), TONE_HZ)
     inside = np.abs(points[:, 1]) < DESIGN.width_m / 2
     result = point_response(lopsided(), place, np.array([TONE_HZ]))[0]
     assert abs(result) == pytest.approx(np.abs(values[inside]).max(), rel=1e-6)
+
+
+def test_the_loudest_point_lies_in_the_zone_wherever_that_is() -> None:
+    """Of a zone off the middle of a larger plate: points beyond its ends, or of the plate's middle, do not count."""
+    away = replace(DESIGN, larger_m=(80e-3, 60e-3), centre_m=(20e-3, -15e-3))
+    points = 1e-3 * np.array([[0.0, 0.0], [20.0, 4.0], [35.0, -15.0], [12.0, -18.0], [28.0, -12.0], [20.0, -15.0]])
+    values = np.array([9.0, 8.0, 7.0, -2.0, 2.0, 1.0j])
+    plate = SimpleNamespace(design=away, shape=lambda tone: (points, values))
+    assert loudest_point(cast(ForcedPlate, plate), TONE_HZ) == pytest.approx((28e-3, -12e-3))
