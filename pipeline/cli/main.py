@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import re
 import sys
 import tomllib
 from argparse import ArgumentParser, Namespace
@@ -32,6 +33,9 @@ FIRST = ("new",)  # before the questions, in the order of use; the other command
 SELDOM = ("active", "check-gap", "completion", "schema")  # commands that the first page of help only names
 FAMILIES = {"active": ("compute analogy and control models", "active beam --gain 1e7 --gain 1e8 --out beam")}
 MAX_DIGITS = 40  # characters
+NEGATIVE = re.compile(
+    r"-(?!\d+$|\d*\.\d+$)\.?\d"
+)  # start of a value such as -7,3 or -5kHz; argparse knows plain numbers
 DONE, WRONG_INPUT, NOT_TRUSTED, CHECK_FAILED, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
 
 
@@ -115,7 +119,7 @@ def _read(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Nam
     """Parse a command line; `antinode` alone and `antinode help [COMMAND]` mean --help."""
     if not words or words[0] == "help":
         words = [*words[1:2], "--help"]
-    arguments, unknown = parser.parse_known_args(words)
+    arguments, unknown = parser.parse_known_args(_with_negatives(words))
     arguments.words = words
     if unknown:
         own = arguments.prog
@@ -123,6 +127,17 @@ def _read(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Nam
         print(one_line(line), file=sys.stderr)
         raise SystemExit(WRONG_INPUT)
     return arguments
+
+
+def _with_negatives(words: Sequence[str]) -> list[str]:
+    """Join options and values that begin with a negative number, such as --at -7,3, which argparse takes for an option."""
+    joined: list[str] = []
+    for word in words:
+        if NEGATIVE.match(word) and joined and joined[-1].startswith("--") and "=" not in joined[-1]:
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def _asked(words: Sequence[str]) -> str:

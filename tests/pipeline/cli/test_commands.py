@@ -245,3 +245,20 @@ def test_a_variable_that_means_nothing_is_wrong_input(
     monkeypatch.setenv(f"ANTINODE_{variable}", given)
     assert main.main(["materials"]) == 2
     assert capsys.readouterr().err == f"antinode: ANTINODE_{variable} = {given!r}: must be {allowed}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "joined"),
+    [
+        (["response", "c.toml", "--at", "-7,3"], ["response", "c.toml", "--at=-7,3"]),
+        (["modes", "--near", "-5kHz", "--quiet"], ["modes", "--near=-5kHz", "--quiet"]),
+        (["modes", "--near", "-.5kHz"], ["modes", "--near=-.5kHz"]),
+        (["touch", "--gain", "-1e-3"], ["touch", "--gain=-1e-3"]),
+        (
+            ["a", "--list", "-1", "-2.5", "--x=1", "-3,4", "-o", "-"],
+            ["a", "--list", "-1", "-2.5", "--x=1", "-3,4", "-o", "-"],
+        ),
+    ],
+)
+def test_a_value_that_begins_with_a_negative_number_is_no_option(words: list[str], joined: list[str]) -> None:
+    assert main._with_negatives(words) == joined

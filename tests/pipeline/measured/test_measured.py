@@ -126,6 +126,7 @@ GOOD = "frequency_Hz,real,imag\n" + rows(TONES, VALUES.real, VALUES.imag)
 LINES = GOOD.splitlines()
 BAD_SWEEPS = [
     ("", ["no columns"]),
+    ("Source File Name: sweep.svd\n", ["line 1", "no rows"]),
     ("frequency_Hz,real,imag\n", ["line 1", "no rows"]),
     ("freqency_Hz,real,imag\n1,2,3\n", ["line 1", "frequency_Hz or frequency_kHz", "did you mean frequency_Hz?"]),
     ("frequency,real,imag\n1,2,3\n", ["line 1", "frequency_kHz"]),

@@ -186,6 +186,7 @@ def test_the_figure_is_written_in_both_forms_and_not_empty(compared_coarsely: Pa
         (["--at", "3,4"], ["--at", "--measured"]),
         (["--measured", str(FOLDER / "sweep.csv"), "--at", "300,4"], ["--at", "mm"]),
         (["--measured", str(FOLDER / "sweep.csv"), "--at", "here"], ["--at", "X,Y"]),
+        (["--measured", str(FOLDER / "sweep.csv"), "--at", "-300,4"], ["--at", "-300,4", "mm"]),
         (["--synthetic-data", "made", "--noise", "2"], ["--noise", "at most 1"]),
         (["--set", 'measured.sweep="none.csv"'], ["measured.sweep", "no such file"]),
         (["--set", 'measured.sweep="measured/field.csv"'], ["field.csv", "frequency_kHz"]),
@@ -234,10 +235,11 @@ def test_a_sweep_of_the_case_s_own_is_told_by_its_keys(tmp_path: Path) -> None:
 def test_the_bar_of_a_shift_holds_the_step_between_the_points(
     monkeypatch: pytest.MonkeyPatch, model: float | None, coarse: bool, half_hz: float | None
 ) -> None:
-    """Of a peak at 31 kHz whose few points fit no circle; many points without noise do."""
+    """Of a peak at 31.2 kHz, computed at 31 kHz, whose few points fit no circle; many points without noise do."""
     fine = np.linspace(30e3, 32e3, 401)
-    given = 31e3 + 400.0 * np.arange(-5.0, 6.0) if coarse else fine
-    values = [1.0 / (1.0 + 2j * 300.0 * (tone / 31e3 - 1.0)) for tone in (given, fine)]
+    given = 31.2e3 + 400.0 * np.arange(-5.0, 6.0) if coarse else fine
+    pairs = (given, 31.2e3), (fine, 31e3)
+    values = [1.0 / (1.0 + 2j * 300.0 * (tone / peak_hz - 1.0)) for tone, peak_hz in pairs]
     if coarse:
         values[0] = np.abs(values[0]).astype(complex)  # without phases there is no circle
     response = SimpleNamespace(curve=SimpleNamespace(frequency_hz=fine), expected_error=model)
@@ -246,3 +248,12 @@ def test_the_bar_of_a_shift_holds_the_step_between_the_points(
     record, _ = comparison._sweep(load_case(CASE), cast(Any, response), measured, None, RecordingLog())
     assert (record.no_circle is not None) == coarse
     assert record.frequency_shift_error_hz == (half_hz and pytest.approx(half_hz, rel=0.01))
+    assert record.frequency_shift_hz == pytest.approx(200.0, abs=0.1)
+    assert record.frequency_shift == pytest.approx(200.0 / 31e3, rel=1e-3)
+
+
+def test_a_sweep_that_shares_its_first_frequency_with_the_response_is_compared() -> None:
+    measured = MeasuredSweep("s.csv", False, "velocity", Sweep(35.9e3 + 200.0 * np.arange(8), np.ones(8, complex)))
+    comparison._refuse_elsewhere(measured, (29e3, 36e3), "s.csv", "--band")
+    with pytest.raises(InputError, match="must overlap"):
+        comparison._refuse_elsewhere(measured, (29e3, 35.9e3), "s.csv", "--band")

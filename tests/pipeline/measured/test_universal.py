@@ -86,6 +86,26 @@ def test_responses_of_two_quantities_are_refused(tmp_path: Path) -> None:
             reader(path)
 
 
+@pytest.mark.parametrize(
+    ("line", "change", "words"),
+    [
+        (3, ("-1.00000E-02", "         NaN"), "finite x, y and z"),
+        (-3, ("3.01000E+04", "3.00900E+04"), "must be finite and ascend"),
+        (16, (f"{4:5d}", f"{1:5d}"), "no frequency response"),
+    ],
+)
+def test_places_frequencies_and_kinds_that_mean_nothing_are_refused(
+    tmp_path: Path, line: int, change: tuple[str, str], words: str
+) -> None:
+    path = Path(written(tmp_path / "map.uff", [[3]]))
+    lines = path.read_text().splitlines()
+    assert change[0] in lines[line]
+    lines[line] = lines[line].replace(*change, 1)
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=words):
+        read_field(path, load_case(SMALL).design)
+
+
 def mutants_end_well(seeds: range, folder: Path) -> tuple[int, int]:
     """How many mutants are refused, and how many read; anything else is raised."""
     whole = Path(written(folder / "map.uff", [[3]] * 6)).read_bytes()

@@ -222,6 +222,16 @@ def test_changed_input_code_and_versions_are_told_apart(tmp_path: Path):
     assert "numpy" in store.why_recompute(folder, PAYLOAD, older)
 
 
+def test_the_list_of_files_has_results_alone(tmp_path: Path):
+    """Neither itself, times and messages, which differ from run to run, nor what a killed run left."""
+    folder = tmp_path / "c"
+    finished_case(folder)
+    for name in (".arrays.npz.1.part", store.RUN_LOG, "plate.step"):
+        (folder / name).write_bytes(b"x")
+    assert {store.RECORD, store.TIMING, store.MANIFEST} <= {path.name for path in folder.iterdir()}
+    assert set(store.manifest(folder)) == {store.INPUT, store.ARRAYS, "plate.step"}
+
+
 def test_beginning_again_takes_the_old_proof_away_first(tmp_path: Path):
     folder = tmp_path / "c"
     finished_case(folder)

@@ -72,6 +72,11 @@ def test_plates_of_one_shape_and_two_materials_are_two(study: StoredStudy) -> No
     assert best is not None and best.case_id == "brass"
 
 
+def test_a_level_of_exactly_ten_decibels_confines() -> None:
+    assert plate(4, 1, 10.0).record.confined and not plate(4, 1, 9.999).record.confined
+    assert plate(4, 1, 10.0, 9.0).record.verdict == "confined as a mode, not as driven"
+
+
 def test_large_studies_compare_no_design_with_every_other(study: StoredStudy, monkeypatch: pytest.MonkeyPatch) -> None:
     """A sweep of thousands of cases is grouped by its designs' keys."""
 

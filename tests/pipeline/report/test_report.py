@@ -282,6 +282,9 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
         "tet_modes"
     ) == whole.held("tet_modes")
     assert {"tet_points", "touch_uz"} <= visible.arrays().keys()
+    checked = replace(study.cases[1], record=whole)
+    own = StoredStudy(folder, {}, (study.cases[0], checked)).with_cross_checks(checked).record
+    assert own.held("tet_modes") is whole.held("tet_modes") and own.held("tet_bands") is whole.held("tet_bands")
     assert study.with_cross_checks(study.cases[0]) == study.cases[0]  # what has no answer of its own borrows none
     other = synthetic.design(2, 0.004, 0.005)
     stranger = replace(
