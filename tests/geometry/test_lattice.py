@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
-from geometry.lattice import MIRRORS, SAME, Lattice, labels_of, place_in_cell, row_vectors, shortest_vectors
+from geometry.lattice import (
+    MIRRORS,
+    SAME,
+    Lattice,
+    labels_of,
+    place_in_cell,
+    row_vectors,
+    rows_along_x,
+    shortest_vectors,
+)
 
 SQUARE, OBLONG = Lattice.of_rows(4e-3, 4e-3), Lattice.of_rows(3e-3, 4e-3)
 STAGGERED = [Lattice.of_rows(5e-3, pitch, staggered=True) for pitch in (4e-3, 2.5e-3, 2e-3)]
@@ -155,6 +164,42 @@ def test_rows_of_a_lattice_are_the_same_from_any_two_vectors(
     assert vectors is not None and np.ravel(vectors) == pytest.approx([5.0, 0.0, shift, 4.0])
     turns = np.array([one, two]) @ np.linalg.inv(np.array(vectors))
     assert turns == pytest.approx(np.round(turns)) and abs(np.linalg.det(turns)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
+def test_vectors_in_any_unit_have_the_same_rows(unit: float) -> None:
+    """Sums of many vectors carry their rounding, which is taken for 0 and for half a pitch at any size."""
+    a1, a2 = unit * np.array([0.3, 0.0]), unit * np.array([0.15, 0.4])
+    for one, two in ((a1, a2), (2.0 * a1 + a2, a1 + a2), (2.0 * a2 - 3.0 * a1, a2 - 2.0 * a1)):
+        rows = rows_along_x(one.tolist(), two.tolist())
+        assert rows is not None and rows[:2] == pytest.approx((0.3 * unit, 0.4 * unit)) and rows[2]
+        vectors = row_vectors(one.tolist(), two.tolist())
+        assert vectors is not None and vectors[1][0] == 0.5 * vectors[0][0] and vectors[0][1] == 0.0
+    assert rows_along_x(a1.tolist(), (2.0 * a1).tolist()) is None
+    square = rows_along_x((0.0, 0.1 * unit), (0.1 * unit, 0.3 * unit))
+    assert square is not None and square == (pytest.approx(0.1 * unit), pytest.approx(0.1 * unit), False)
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
+@pytest.mark.parametrize("signs", [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+@pytest.mark.parametrize(
+    ("one", "two"),
+    [((3.0, 0.7), (-0.5, 4.0)), ((0.0, 3.0), (4.0, 0.5)), ((2.0, -2.5), (2.6, 2.4)), ((0.0, -1.0), (1.0, 0.0))],
+)
+def test_the_shortest_vectors_point_ahead_and_to_the_left(
+    one: tuple[float, float], two: tuple[float, float], signs: tuple[int, int], unit: float
+) -> None:
+    given = unit * np.array([signs[0] * np.array(one), signs[1] * np.array(two) + signs[0] * np.array(one)])
+    first, second = np.array(shortest_vectors(*given.tolist()))
+    assert first[0] > 1e-9 * unit or (abs(first[0]) <= 1e-9 * unit and first[1] > 0.0)
+    turned = np.degrees(np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second))
+    assert 60.0 - 1e-6 <= turned <= 90.0 + 1e-6
+    counts = given @ np.linalg.inv(np.array([first, second]))
+    assert counts == pytest.approx(np.round(counts), abs=1e-9) and abs(np.linalg.det(counts)) == pytest.approx(1.0)
+
+
+def test_a_disc_beyond_the_middle_of_a_side_belongs_to_the_next_cell() -> None:
+    assert place_in_cell(((5.0, 0.0), (0.0, 8.0)), (3.5, -5.0), 1.0) == pytest.approx((-1.5, 3.0))
 
 
 def test_a_disc_has_one_image_in_the_cell_and_none_across_a_side() -> None:

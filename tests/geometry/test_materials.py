@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import sqrt
 
 import numpy as np
@@ -225,3 +226,19 @@ def test_every_material_of_the_library_has_a_source_and_a_law_of_its_table() -> 
     for name, material in MATERIALS.items():
         assert material.name == name and len(material.source) > 10
         assert material.loss_factor is None or 0.0 < material.loss_factor <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("young", "density", "poisson"),
+    [(0.0, 1.0, 0.3), (-1.0, 1.0, 0.3), (1.0, 0.0, 0.3), (1.0, -1.0, 0.3), (1.0, 1.0, 0.5), (1.0, 1.0, -1.0)],
+)
+def test_constants_without_a_stiff_and_heavy_body_are_refused(young: float, density: float, poisson: float) -> None:
+    with pytest.raises(GeometryError, match=r"E and density must be above 0, nu between -1 and 0\.5, both excluded"):
+        Material.isotropic("odd", young, density, poisson)
+
+
+def test_a_temperature_that_leaves_no_stiffness_at_all_is_refused() -> None:
+    one = replace(STEEL, softening_per_k=-1.0 / 64.0)
+    assert one.warm(83.0) == pytest.approx((1.0 - 63.0 / 64.0) * (1.0 + 63.0 * (one.expansion_per_k or 0.0)))
+    with pytest.raises(GeometryError, match="no stiffness is left at 84 C"):
+        one.warm(84.0)

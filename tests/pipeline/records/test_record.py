@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from pipeline.models.answer_parts import TargetMode
 from pipeline.questions.modes import ModesResult
 from pipeline.questions.response import PeakRecord
 from pipeline.records import record, store
-from pipeline.records.record import Record
+from pipeline.records.record import PillarRecord, Record, SectionRecord
 from tests.helpers import fake_study, synthetic
 
 
@@ -97,3 +98,14 @@ def test_what_has_no_field_of_its_own_is_kept_beside() -> None:
     result = Record.of_case({"density": {"per_cm2": 1.5}, "other": {"kept": 1}}, case_id="c", status="OK")
     assert result.other == {"kept": 1, "density": {"per_cm2": 1.5}}
     assert Record.model_validate(result.to_dict()) == result
+
+
+def test_a_pillar_is_as_high_as_its_sections_together() -> None:
+    upper = (SectionRecord(shape="square", base_m=1e-3, tip_m=1e-3, height_m=2e-3),)
+    one = PillarRecord(shape="square", base_m=2e-3, tip_m=2e-3, height_m=5e-3, fillet_m=0.0)
+    assert one.top_m == 5e-3 and one.model_copy(update={"upper": upper}).top_m == pytest.approx(7e-3)
+
+
+def test_a_response_without_the_target_modes_peak_has_no_driven_level() -> None:
+    missed = replace(synthetic.response(9.0), target_peak=None)
+    assert Record(case_id="c", status="OK", response=missed).driven_db is None

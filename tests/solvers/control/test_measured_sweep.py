@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from solvers.control.identification import Sensor, Sweep, noisy, resonance, sweep_of
+from solvers.control.identification import (
+    Sensor,
+    Sweep,
+    half_power_points,
+    half_power_quality_factor,
+    noisy,
+    resonance,
+    sweep_of,
+)
 from solvers.control.loop import ModePlant
 
 F0, Q = 32e3, 250.0
@@ -78,3 +86,13 @@ def test_a_sweep_too_coarse_for_the_floor_takes_its_neighbours_along() -> None:
     result = resonance(sweep_of([MODE], coarse), "velocity")
     assert result.quality_factor == pytest.approx(Q, rel=1e-4)
     assert result.high_hz - result.low_hz >= 7 * (coarse[1] - coarse[0]) * 0.999
+
+
+@pytest.mark.parametrize("peak", [0, 8])
+def test_a_curve_that_falls_on_one_side_alone_has_no_half_power_width(peak: int) -> None:
+    tone = np.linspace(1e3, 2e3, 9)
+    falling = np.array([9.0, 5.0, 3.0, 2.0, 1.5, 1.2, 1.1, 1.0, 0.9])
+    assert half_power_quality_factor(tone, falling if peak == 0 else falling[::-1], peak) is None
+    both = np.array([1.0, 2.0, 9.0, 2.0, 1.0])
+    assert half_power_points(tone[:5], both, 2) is not None
+    assert half_power_points(tone[:5], np.array([7.0, 8.0, 9.0, 2.0, 1.0]), 2) is None
