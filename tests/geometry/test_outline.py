@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from geometry.errors import GeometryError
-from geometry.outline import Outline, corners_of, read_outline
+from geometry.outline import Outline, _inside, _meets, corners_of, read_outline
 from tests.helpers.plate_files import disc, drilled, panel, written
 
 MM = 1e-3
@@ -62,6 +62,29 @@ def test_a_plate_goes_on_where_most_of_the_end_has_material_beyond(tmp_path: Pat
     assert outline.goes_on(14e-3, 1, -5e-3, 5e-3)
     assert not outline.goes_on(-15e-3, -1, -5e-3, 5e-3)
     assert outline.goes_on(-14e-3, -1, 0.0, 9e-3)  # part of it ends at the corner
+    assert not outline.goes_on(-14e-3, -1, 8e-3, 10e-3)  # most of it does
+    assert outline.goes_on(-14e-3, -1, 6e-3, 8e-3)
+
+
+def test_slanted_sides_hold_what_lies_between_them() -> None:
+    """A triangle with corners at (0, 0), (4, 0) and (1, 3), whose slanted sides are y = 3 x and y = 4 - x."""
+    corners = np.array([[0.0, 0.0], [4.0, 0.0], [1.0, 3.0]])
+    places = np.array([[0.4, 1.1], [0.3, 1.1], [2.4, 1.5], [2.6, 1.5], [1.0, 2.9], [1.0, 3.1], [2.0, 0.1], [2.0, -0.1]])
+    assert _inside(places, corners).tolist() == [True, False] * 4
+    assert _inside(places + 7.0, corners + 7.0).tolist() == [True, False] * 4
+
+
+def test_a_segment_meets_a_polygon_where_it_crosses_a_side() -> None:
+    corners = np.array([[0.0, 0.0], [4.0, 0.0], [1.0, 3.0]])
+    through, from_within, beside, inside = (
+        [[-1.0, 1.0], [5.0, 1.5]],
+        [[1.0, 1.0], [3.0, 3.0]],
+        [[2.0, 3.0], [5.0, 0.0]],
+        [[1.0, 1.0], [2.0, 1.0]],
+    )
+    segments = np.array([through, from_within, beside, inside])
+    for shift in (0.0, 7.0, -7.0):
+        assert _meets(corners + shift, segments + shift).tolist() == [True, True, False, False]
 
 
 def test_equal_contents_are_equal_outlines(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 from math import pi, sqrt
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, check_mesh
-from geometry.pillar_shapes import SHAPES, Cross, Hexagonal, Round, Square, Tapered, shape_of
+from geometry.pillar_shapes import SHAPES, Cross, Hexagonal, PillarShape, Round, Square, Tapered, shape_of
 
 ALUMINIUM = MATERIALS["aluminium"]
 S, A = 2e-3, 0.8e-3  # overall width and arm, m
@@ -42,6 +43,20 @@ def cell(pillar: Pillar, pitch_x: float = 4e-3, pitch_y: float = 4e-3) -> Design
 def test_sections_have_their_closed_form(name: str) -> None:
     section, (area, about) = SHAPED[name].section, EXACT[name]
     assert (section.area_m2, section.about_x_m4, section.about_y_m4) == pytest.approx((area, about, about), rel=1e-12)
+
+
+def test_a_rectangle_is_stiffer_about_one_axis_than_about_the_other() -> None:
+    """As no shape of the list is, which all look alike along x and y."""
+    x, y = 1.5e-3, 0.5e-3
+    corners = np.array([[-x, -y], [x, -y], [x, y], [-x, y]]) + np.array([0.3e-3, -0.2e-3])
+    section = PillarShape.section.__get__(SimpleNamespace(outline=lambda: corners))
+    about_x, about_y = (4.0 * x * y * (half**2 / 3.0 + off**2) for half, off in ((y, 0.2e-3), (x, 0.3e-3)))
+    assert (section.area_m2, section.about_x_m4, section.about_y_m4) == pytest.approx((4.0 * x * y, about_x, about_y))
+
+
+def test_one_box_on_a_square_foot_is_the_square_alone() -> None:
+    assert [name for name, shape in SHAPED.items() if shape.is_square_prism] == ["square"]
+    assert not Tapered(S, S / 2.0).is_square_prism
 
 
 def test_every_registered_shape_is_tested_here() -> None:

@@ -219,3 +219,14 @@ def test_every_zone_has_the_same_patches_and_those_behind_a_zone_stand_in_line_w
     x, y = np.array(behind.patches.centres_m).T.reshape(2, 3, -1)
     assert (x == x[0]).all() and (y[0] == 0.0).all()
     assert (y[1] == y[1][0]).all() and (y[2] == -y[1]).all() and y[2][0] > behind.design.reach_m[-1]
+
+
+def test_lengths_of_glue_and_of_further_zones_are_in_metres() -> None:
+    glued = load_case(
+        ROOT / "examples/small.toml",
+        ["patches={size_mm=[8.0, 3.0, 0.3], centres_mm=[[0, 0]], glue={material='epoxy', thickness_mm=0.04}}"],
+    )
+    assert glued.patches and glued.patches.glue and glued.patches.glue[1] == pytest.approx(4e-5, rel=1e-12)
+    raw = tomllib.loads((ROOT / "examples/46-zones-anywhere.toml").read_text())
+    raw["zone"][1]["centre_mm"] = [16.5, 3.0]
+    assert case_from_dict(raw).design.others_m == (pytest.approx((16.5e-3, 3e-3), rel=1e-12),)

@@ -100,6 +100,10 @@ def lines_of(overrides: list[str], raw: dict | None = None) -> list[str]:
         ("patches.size_mm=[20,3,0.3]", "patches 1 and 2 overlap"),
         ("patches.centres_mm=[[55,0]]", "patch 0 extends beyond the plate"),
         ("patches.centres_mm=[[0,11]]", "patch 0 on the back overlaps a pillar's foot"),
+        (  # 10 mm of the zone, a foot of 2 mm, two pitches of 4 mm on either side
+            "plate={thickness_mm=2, length_mm=200, width_mm=39.9}",
+            "plate.width_mm = 39.9: 3 rows do not fit between zone and edge: must be at least 40 along y",
+        ),
         ("patches.material=pz62", 'patches.material = "pz62": must be one of pz26'),
         ("plate=3", "plate = 3: must be a table [plate]"),
         ("name=a/b", 'name = "a/b": must be a text of 1 to 100 characters'),

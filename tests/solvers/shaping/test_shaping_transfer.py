@@ -57,6 +57,13 @@ def test_phasors_are_the_steady_state_of_the_modes_in_time():
     assert result == pytest.approx(sensor_matrix(table, frequency) @ volts, rel=1e-3)
 
 
+def test_the_field_has_the_static_answer_of_the_modes_that_are_left_out():
+    table = small_table()
+    rest = RANDOM.normal(size=(4, 2)) * 1e-7
+    more = field_matrix(replace(table, field_residual=rest), 520.0) - field_matrix(table, 520.0)
+    assert more == pytest.approx(rest, rel=1e-6)
+
+
 def test_frequencies_and_resonances_that_have_no_answer():
     for wrong in (0.0, -5.0, float("nan")):
         with pytest.raises(SolverError, match="must be a finite number above 0"):
