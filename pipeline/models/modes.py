@@ -442,9 +442,8 @@ def with_quality(case: Case, part_modes: PartModes) -> PartModes:
     for symmetry in {key[0] for key in known}:
         rows = sorted((row for key, row in known.items() if key[0] == symmetry), key=_place)
         model, vectors = part_modes.model, part_modes.vectors[symmetry][:, [row.column for row in rows]]
-        solved_hz = np.array(
-            [row.frequency_hz if isinstance(model, PlateModel) else row.computed_hz for row in rows], dtype=float
-        )
+        corrected = not isinstance(model, PlateModel)
+        solved_hz = np.array([row.computed_hz if corrected and row.computed_hz else row.frequency_hz for row in rows])
         radiated, touch = np.zeros(len(rows)), model.touch(symmetry, vectors) if air else None
         if air and touch:
             radiated = air_loss_factors(touch, symmetry, solved_hz, air)

@@ -62,6 +62,7 @@ def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
     for name, _ in fixed:
         _known(name, mesh, file, "--support")
     mesh = _with_touch(mesh)
+    _check_air(case, mesh, own)
     frame = touch_frame(mesh, case.design, file, bool(clamps or fixed)) if _has_touch(case, mesh) else None
     lines, cuts = case.design.touch_lines_m, case.design.touch_cuts_m
     model = SolidModel(mesh, materials, (*clamps, *fixed), False, lines, frame, cuts)
@@ -155,6 +156,18 @@ def _with_touch(mesh: AnyMesh) -> AnyMesh:
     named = [name for name in mesh.faces if name.casefold() == "touch" and mesh.facets_of(name)[0].shape[1] > 1]
     measured: dict[str, Any] = {"faces": {**mesh.faces, "touch": mesh.faces[named[0]]}} if named else {}
     return replace(mesh, **measured)
+
+
+def _check_air(case: Case, mesh: AnyMesh, own: UserMesh) -> None:
+    """Raise InputError for air around a mesh whose radiating face is not known, or may be a part of it."""
+    if case.air and "touch" not in mesh.faces:
+        raise InputError(
+            f"{own.file}: [air] needs a face group named touch, from which the plate radiates, or remove [air]"
+        )
+    if case.air and own.supports:
+        raise InputError(
+            f"--support {own.supports[0]}: [air] takes whole plates, and this may be a mirror plane: remove one"
+        )
 
 
 def _request(case: Case, query: Request) -> Request:

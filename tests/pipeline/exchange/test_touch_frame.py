@@ -96,6 +96,40 @@ def test_a_plate_that_lies_elsewhere_has_the_figures_of_the_plate_in_place(
     assert there["target"]["status"] == in_place["target"]["status"]
 
 
+@pytest.mark.slow
+def test_a_mesh_loses_energy_to_its_material_and_to_the_air_as_the_plate_does(tmp_path: Path) -> None:
+    """Six by four quadratic elements; the plate's own mesh is finer."""
+    mesh = plate(lump=-1)
+    lossy = ["--set", 'damping.quality="materials"', "--set", "air={}"]
+    own = document(mesh, mesh.nodes, tmp_path, *lossy)["modes"]
+    where = ["--band", "5kHz:60kHz", *lossy, "--quiet", "--json", str(tmp_path / "plate.json")]
+    assert main.main(["modes", str(tmp_path / "own.toml"), *where]) == 0
+    known = json.loads((tmp_path / "plate.json").read_text())["modes"]
+    assert len(own) >= len(known) > 4
+    for ours, theirs in zip(own, known, strict=False):
+        assert ours["frequency_hz"] == pytest.approx(theirs["frequency_hz"], rel=0.03)
+        assert ours["quality_factor"] == pytest.approx(theirs["quality_factor"], rel=0.1)
+        assert ours["air_quality_factor"] == pytest.approx(theirs["air_quality_factor"], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [(("--support", "CUT:yz"), "--support CUT:yz: [air] takes whole plates"), ((), "needs a face group named touch")],
+)
+def test_air_takes_whole_plates_with_a_known_face(
+    more: tuple[str, ...],
+    said: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    if not more:
+        monkeypatch.setattr("pipeline.models.user_mesh._with_touch", lambda mesh: mesh)
+    mesh = plate(lump=-1)
+    assert run(mesh, mesh.nodes, tmp_path, "--set", "air={}", *more) == 2
+    assert said in capsys.readouterr().err
+
+
 def bent(nodes: np.ndarray) -> np.ndarray:
     return nodes + np.column_stack([0.0 * nodes[:, 0], 0.0 * nodes[:, 0], 1e-3 * nodes[:, 0] ** 2])
 
